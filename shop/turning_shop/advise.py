@@ -19,11 +19,13 @@ from turning_shop.allowed import (
     feed_range,
     needed_nose_radius,
 )
+from turning_shop.catalogue import UNMEASURED
 from turning_shop.fit import LEVEL
 from turning_shop.prediction import Evidence, Prediction, outside, predict
 from turning_shop.tables import records
 from turning_shop.whatif import CHANGES, NO_LIMIT, Cuts, what_if
 
+from turning_env.physics.spindle import capacity_at
 from turning_env.scenario import Scenario
 
 MAX_SPEEDS = 120  # round cutting speeds that are tried
@@ -77,6 +79,9 @@ class Plan(NamedTuple):
     cuts: Cuts  # at the flank wear that the edge reaches at the change at most
     prediction: Prediction  # intervals of the cut
     parts: Any  # per edge; a share of one if edges do not last a part
+    # 95 % interval of the parts by the law of wear; NaN if nothing is known of the law.
+    parts_low: Any
+    parts_high: Any
     minutes: Any  # cutting time of an edge [min]
     cycle_time: Any  # from part to part, without edge changes [min]
     mean_removal_rate: Any  # metal per minute, edge changes included [cm3/min]
@@ -115,7 +120,8 @@ class Plan(NamedTuple):
 class Bound(NamedTuple):
     """A limit that binds an advice."""
 
-    limit: str  # name in the scenario, value and unit
+    name: str  # in the scenario
+    limit: str  # the name, the value and its unit
     law: str  # what is known of its law; empty for a range of the machine
     without: Plan  # the advice without it, or with the range wider by ``WIDER``
 
@@ -176,16 +182,20 @@ def plan(
         deviation = law.log_deviation(wear_law, factors, of_reading=False)
         life_doubt = law.quantile * deviation / wear_law.time
     parts = parts_if(0.0)
+    fewest = parts_if(-life_doubt)
+    most = parts_if(life_doubt)
     return Plan(
         cuts=cuts,
         prediction=prediction,
         parts=parts,
+        parts_low=fewest,
+        parts_high=most,
         minutes=parts * part_time,
         cycle_time=cycle_time,
         mean_removal_rate=part_volume(scenario) / (cycle_time + prices.change_time / parts),
         cost=cost_of(parts),
-        cost_low=cost_of(parts_if(life_doubt)),
-        cost_high=cost_of(parts_if(-life_doubt)),
+        cost_low=cost_of(most),
+        cost_high=cost_of(fewest),
     )
 
 
@@ -201,18 +211,18 @@ def advise(scenario: Scenario, evidence: Evidence) -> list[Advice]:
             'control.action is "part": advise covers bars at one depth, '
             "not whole parts of several passes"
         )
-    tried = _tried(scenario, evidence)
+    tried = tried_plans(scenario, evidence)
     if not allowed_loads(scenario).keeps(scenario, tried.cuts).any():
         raise WorkshopError(
             f"no speed and feed keep {_loads_kept(scenario)} "
             f"with an edge worn to {tried.cuts.wear.min():g} mm: "
-            "reduce workpiece.depth_of_cut"
+            f"reduce workpiece.depth_of_cut to about {_possible_depth(scenario, tried.cuts):.2g} mm"
         )
     advice: list[Advice] = []
     for aim in AIMS:
         if aim == MIN_MEASURED_COST and not advice[0].plan.mark:
             continue  # the least cost is within the measured range
-        best = _best(scenario, evidence, tried, aim=aim)
+        best = best_plan(scenario, evidence, tried, aim=aim)
         if best:
             bounds = tuple(_bounds(scenario, evidence, aim, best=best))
             advice.append(Advice(aim, best, bounds))
@@ -250,10 +260,21 @@ def round_numbers(low: float, high: float, count: int) -> Values:
     return np.unique(np.round([low, *inner, high], 9))
 
 
-def _tried(scenario: Scenario, evidence: Evidence) -> Plan:
+def tried_plans(scenario: Scenario, evidence: Evidence) -> Plan:
     """Return the plans of all settings that are tried, as arrays."""
     speeds, feeds, wears = settings(scenario)
     return plan(scenario, evidence, cutting_speed=speeds, feed=feeds, wear=wears)
+
+
+def _possible_depth(scenario: Scenario, cuts: Cuts) -> float:
+    """Return a depth of cut that some of the cuts would keep the limits at [mm].
+
+    Loads are taken as proportional to the depth; most rise less.
+    """
+    allowed = allowed_loads(scenario)
+    power = allowed.power * capacity_at(scenario, cuts.cutting_speed)
+    share = np.maximum(cuts.thrust_force / allowed.thrust_force, cuts.power / power)
+    return scenario.workpiece.depth_of_cut / float(share.min())
 
 
 def _objective(tried: Plan, aim: str) -> Any:
@@ -261,7 +282,7 @@ def _objective(tried: Plan, aim: str) -> Any:
     return -tried.mean_removal_rate if aim == MAX_METAL else tried.cost
 
 
-def _best(scenario: Scenario, evidence: Evidence, tried: Plan, aim: str) -> Plan | None:
+def best_plan(scenario: Scenario, evidence: Evidence, tried: Plan, aim: str) -> Plan | None:
     """Return the best of the plans that are tried, for an aim; None if none keeps the limits."""
     cuts = tried.cuts
     possible = allowed_loads(scenario).keeps(scenario, cuts)
@@ -317,15 +338,17 @@ def _bounds(scenario: Scenario, evidence: Evidence, aim: str, best: Plan) -> Ite
     objective = _objective(best, aim)
     for limit in limits:
         lifted = _lifted(scenario, limit)
-        better = _best(lifted, evidence, _tried(lifted, evidence), aim=aim)
+        better = best_plan(lifted, evidence, tried_plans(lifted, evidence), aim=aim)
         if not better or objective - _objective(better, aim) <= BINDS * abs(objective):
             continue
         is_load = limit.no_limit is not None
         if not is_load and _in_range(scenario, better.cuts):
             continue  # better only because a wider range has other round numbers
         value = getattr(getattr(scenario, limit.section), limit.name)
+        name = f"{limit.section}.{limit.name}"
         yield Bound(
-            limit=f"{limit.section}.{limit.name}, {value:g} {limit.unit}",
+            name,
+            limit=f"{name}, {value:g} {limit.unit}",
             law=_law_known(limit, evidence) if is_load else "",
             without=better,
         )
@@ -355,7 +378,8 @@ def _law_known(limit: _Limit, evidence: Evidence) -> str:
     """Return what is known of the law of a load, for people."""
     # Edges break by the thrust force.
     law = "thrust_force" if limit.name == "edge_strength" else limit.name
-    return "its law was measured" if law in evidence.laws else "its law was not measured"
+    known = evidence.known(law)
+    return f"its law is from a {known}" if known == UNMEASURED else f"its law was {known}"
 
 
 def _loads_kept(scenario: Scenario) -> str:
@@ -389,7 +413,10 @@ def life_margin(scenario: Scenario, evidence: Evidence, factors: Mapping[str, Va
     """
     margin = np.full(np.shape(factors["time"]), life_spread(scenario))
     wear = scenario.material.wear
-    if law := evidence.laws.get("wear"):
+    law = evidence.laws.get("wear")
+    # A catalogue's doubt is about the level of all edges, which the first of them shows. So the
+    # change is planned for the usual level, and the interval of the parts says what to expect.
+    if law and law.origin == "measured":
         # Edges differ at least as much as the scenario says.
         margin = np.maximum(margin, law.quantile * law.log_deviation(wear, factors) / wear.time)
     return margin
@@ -422,11 +449,11 @@ def headline(scenario: Scenario, evidence: Evidence, advice: list[Advice]) -> It
         beyond = []
         for name, measured, is_outside in outside(evidence, values):
             if is_outside:
-                beyond.append(f"{name} {values[name]:.3g}, but measured at {measured}")
-        yield f"* outside what was measured: {'; '.join(beyond)}"
+                beyond.append(f"{name} {values[name]:.3g}, but {evidence.origins} at {measured}")
+        yield f"* outside what was {evidence.origins}: {'; '.join(beyond)}"
     yield from _margins(allowed_loads(scenario), scenario)
     for bound in advice[0].bounds:
-        yield _bound_sentence(bound, unit)
+        yield bound_sentence(bound, unit)
     if not advice[0].bounds:
         yield "No limit rules out a cheaper cut: time and edges are in balance"
     if not scenario.tool.nose_radius:
@@ -437,7 +464,7 @@ def headline(scenario: Scenario, evidence: Evidence, advice: list[Advice]) -> It
         )
 
 
-def _bound_sentence(bound: Bound, unit: str) -> str:
+def bound_sentence(bound: Bound, unit: str) -> str:
     """Return a sentence on a limit that binds, with the advice without it."""
     if bound.law:
         change = f", and {bound.law}; without it"
@@ -488,6 +515,11 @@ def summary(scenario: Scenario, evidence: Evidence, advice: list[Advice]) -> Ite
     yield ""
     yield from headline(scenario, evidence, advice)
     yield ""
+    yield from table(scenario, advice)
+
+
+def table(scenario: Scenario, advice: list[Advice]) -> Iterator[str]:
+    """Yield the lines of a table of all advice, with units."""
     units = {
         "speed": "m/min",
         "feed": "mm/rev",
@@ -498,7 +530,7 @@ def summary(scenario: Scenario, evidence: Evidence, advice: list[Advice]) -> Ite
         "power": "kW",
         "cycle": "min",
         "mean MRR": "cm3/min",
-        "cost per part": prices.unit,
+        "cost per part": Prices.of(scenario).unit,
     }
     rows = [["", *units], ["", *units.values()]]
     rows.extend(_row(entry) for entry in advice)

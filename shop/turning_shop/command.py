@@ -6,6 +6,7 @@ functions import, and only the command that runs loads SciPy and Matplotlib.
 
 import argparse
 import csv
+import re
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -21,9 +22,11 @@ from turning_env.files import replace_file
 from turning_env.scenario import Scenario
 
 if TYPE_CHECKING:
+    from turning_shop import start
     from turning_shop.prediction import Evidence, Prediction
 
 MAX_EDGES = 10_000  # that advise plays with each policy
+DEFAULT_EDGES = 16
 
 
 def add_commands(command: Callable[..., argparse.ArgumentParser]) -> None:
@@ -34,7 +37,10 @@ def add_commands(command: Callable[..., argparse.ArgumentParser]) -> None:
     _add_predict_options(predict)
     _add_whatif_options(command(_whatif, "predict force, power, wear and tool life"))
     _add_map_options(command(_map, "draw the operating map of a worn edge"))
-    _add_advise_options(command(_advise, "advise speed, feed and edge changes, in parts and money"))
+    advise = command(
+        _advise, "advise speed, feed and edge changes, in parts and money", scenario=False
+    )
+    _add_advise_options(advise)
 
 
 def _calibrate(options: argparse.Namespace) -> int:
@@ -321,8 +327,8 @@ def _print_table(cuts: whatif.Cuts, prediction: "Prediction | None", evidence: "
     ranges = []
     for measured in outside(evidence, cuts._asdict()):
         if measured.outside.any():
-            ranges.append(f"{measured.factor} measured at {measured.text}")
-    print(f"* extrapolated, beyond what was measured: {', '.join(ranges)}")
+            ranges.append(f"{measured.factor} {evidence.origins} at {measured.text}")
+    print(f"* extrapolated, beyond what was {evidence.origins}: {', '.join(ranges)}")
 
 
 def _warn_of_settings(scenario: Scenario, speeds: Sequence[float], feeds: Sequence[float]) -> None:
@@ -491,23 +497,38 @@ def _advise(options: argparse.Namespace) -> int:
     edges_per_insert in SCENARIO to get money. Limits of force and power count if SCENARIO or a file
     that it is based on states them.
 
+    Without measured cuts, give --material, --tool, --grade and --stock in place of SCENARIO. Laws
+    and ranges are then those of catalogues, with the width of their sources. The answer names these
+    and every number that is assumed.
+
     python -m turning_env advise my_tool.toml
     python -m turning_env advise my_tool.toml --agent my_agent.onnx
+    python -m turning_env advise --material 42CrMo4 --tool CNMG120408-PM --grade P25 \
+        --stock 80x200 --depth 2 --machine machine.toml
     """
+    from turning_shop import start
     from turning_shop.advise import advise, headline, summary
     from turning_shop.advise_play import play_all
 
-    refuse_existing(options.overwrite, options.sheet, options.page)
-    scenario, evidence = _load(options)
+    refuse_existing(options.overwrite, options.sheet, options.page, options.out)
+    job = _job(options)
+    if job:
+        scenario = job.scenario
+        evidence = job.evidence
+    else:
+        scenario, evidence = _load(options)
     advice = advise(scenario, evidence)
     played = None
     simulated: list[str] = []
-    if options.seeds:
+    seeds = options.seeds
+    if seeds is None:
+        seeds = 0 if job else DEFAULT_EDGES
+    if seeds:
         played = play_all(
             scenario,
             advice[0].plan,
             agents=options.agent,
-            edges=options.seeds,
+            edges=seeds,
             on_play=_print_playing,
         )
         simulated = list(played.headline())
@@ -523,23 +544,68 @@ def _advise(options: argparse.Namespace) -> int:
 
         page = render(scenario, evidence, advice=advice, simulated=simulated)
         replace_file(options.page, lambda partial: partial.write_text(page, "utf-8"))
+    if options.out and job:
+        text = start.toml_of(job, options.out)
+        replace_file(options.out, lambda partial: partial.write_text(text, "utf-8"))
     if options.json:
-        print_json(
-            {
-                "advice": [entry.as_record() for entry in advice],
-                "played": played,
-                "headline": list(headline(scenario, evidence, advice)),
-                "warnings": evidence.warnings,
-            }
-        )
+        record: dict[str, object] = {
+            "advice": [entry.as_record() for entry in advice],
+            "played": played,
+            "headline": list(headline(scenario, evidence, advice)),
+            "warnings": evidence.warnings,
+        }
+        if job:
+            record["answer"] = start.sentence(job, advice)
+            record["sources"] = list(job.sources)
+            record["assumptions"] = list(job.assumptions)
+        print_json(record)
         return DONE
-    print("\n".join(summary(scenario, evidence, advice)))
+    lines = start.summary(job, advice) if job else summary(scenario, evidence, advice)
+    print("\n".join(lines))
     if played:
         print("", *played.summary(), sep="\n")
-    for path in (options.sheet, options.page):
+    for path in (options.sheet, options.page, options.out):
         if path:
             print(path)
     return DONE
+
+
+def _job(options: argparse.Namespace) -> "start.Job | None":
+    """Return the job of --material and the options beside it; None if a scenario is given."""
+    from turning_shop import start
+
+    given = [f"--{name}" for name in _CATALOGUE_OPTIONS if getattr(options, _dest(name))]
+    if options.scenario:
+        if given:
+            raise WorkshopError(
+                f"{options.scenario} has laws of its own: leave out {', '.join(given)}"
+            )
+        return None
+    missing = [f"--{name}" for name in _CATALOGUE_NEEDS if not getattr(options, name)]
+    if missing:
+        raise WorkshopError(
+            "give a SCENARIO, or a job by its material, insert, grade and stock, such as "
+            "--material 42CrMo4 --tool CNMG120408-PM --grade P25 --stock 80x200 --depth 2; "
+            f"missing: {', '.join(missing)}"
+        )
+    if options.out and options.out.suffix != ".toml":
+        raise WorkshopError(f"--out is {options.out}, but a scenario's name must end in .toml")
+    question = start.Question(
+        options.material,
+        options.tool,
+        options.grade,
+        stock=options.stock,
+        depth=options.depth,
+        machine=options.machine or "rough_turning",
+        start_speed=options.start_speed,
+        feeds=options.feeds,
+    )
+    return start.job_of(question)
+
+
+def _dest(name: str) -> str:
+    """Return the attribute of an option."""
+    return name.replace("-", "_")
 
 
 def _print_playing(policy: str) -> None:
@@ -547,7 +613,87 @@ def _print_playing(policy: str) -> None:
     print("playing", policy, file=sys.stderr, flush=True)
 
 
+_CATALOGUE_NEEDS = ("material", "tool", "grade", "stock")
+_CATALOGUE_OPTIONS = (
+    *_CATALOGUE_NEEDS,
+    "depth",
+    "machine",
+    "start-speed",
+    "feeds",
+    "out",
+)
+"""Options of a job without a scenario."""
+
+
+def _add_catalogue_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of a job whose laws are those of catalogues."""
+    group = parser.add_argument_group("without measured cuts, in place of SCENARIO")
+    add = group.add_argument
+    add(
+        "--material",
+        metavar="NAME",
+        help="group of VDI 3323, number or name: P6, 1.7225, 42CrMo4, 4140, SCM440",
+    )
+    add("--tool", metavar="INSERT", help="designation of the insert: CNMG120408-PM or CNMG432")
+    add("--grade", metavar="GRADE", help="application of ISO 513, from the box: P25")
+    add(
+        "--stock",
+        type=_stock,
+        metavar="DIAMETERxLENGTH",
+        help="diameter and length of cut [mm]: 80x200",
+    )
+    add(
+        "--depth",
+        type=_number("depth_of_cut"),
+        metavar="X",
+        help="depth of cut [mm] (default: the usual one of the chip breaker)",
+    )
+    add("--machine", metavar="TOML", help="file with ranges, power and prices of the machine")
+    add(
+        "--start-speed",
+        type=_number("cutting_speed"),
+        metavar="X",
+        help="start value of the box for a life of 15 min [m/min] (default: from the table)",
+    )
+    add(
+        "--feeds",
+        type=_feed_window,
+        metavar="LOW-HIGH",
+        help="window of feed of the box [mm/rev] (default: by the chip breaker's letter)",
+    )
+    add("--out", type=Path, metavar="TOML", help="scenario to write, for map, whatif, program")
+
+
+def _stock(text: str) -> "start.Stock":
+    """Return a bar, as an argparse type."""
+    from turning_shop import start
+
+    match = re.fullmatch(r"(?:bar:)?([\d.]+)[xX]([\d.]+)", text)
+    if match is None:
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is not allowed: DIAMETERxLENGTH in mm, such as 80x200"
+        )
+    within = number_within(1.0, 5000.0, unit="mm")
+    return start.Stock(diameter=within(match[1]), length=within(match[2]))
+
+
+def _feed_window(text: str) -> tuple[float, float]:
+    """Return a lowest and a highest feed, as an argparse type."""
+    low, separator, high = text.partition("-")
+    if not separator:
+        raise argparse.ArgumentTypeError(f"{text!r} is not allowed: LOW-HIGH, such as 0.15-0.5")
+    feed = _number("feed")
+    window = (feed(low), feed(high))
+    if window[0] >= window[1]:
+        raise argparse.ArgumentTypeError(f"{text!r} is not allowed: the first must be the lower")
+    return window
+
+
 def _add_advise_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "scenario", nargs="?", metavar="SCENARIO", help="preset or TOML file with laws"
+    )
+    _add_catalogue_options(parser)
     _add_nose_radius(parser)
     add = parser.add_argument
     add(
@@ -560,9 +706,8 @@ def _add_advise_options(parser: argparse.ArgumentParser) -> None:
     add(
         "--seeds",
         type=_number_of_edges,
-        default=16,
         metavar="N",
-        help="edges to play with each policy; 0: none (default: 16)",
+        help="edges to play with each policy; 0: none (default: 16; without measured cuts 0)",
     )
     add(
         "--sheet",

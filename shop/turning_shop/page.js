@@ -88,7 +88,8 @@ function prices(at) {
 function part(at, found, shift = 0) {
   const { minute, edge } = prices(at);
   const perMinute = at.feed * found.spindle_speed;
-  const known = data.known.wear ? halfWidth(data.known.wear, { ...at, time: found.time }) / data.laws.wear.time : 0;
+  const measured = data.known.wear?.origin === 'measured';
+  const known = measured ? halfWidth(data.known.wear, { ...at, time: found.time }) / data.laws.wear.time : 0;
   const lasting = found.time * Math.exp(shift - Math.max(data.life_spread, known)) * perMinute / data.bar_length;
   const parts = lasting < 1 ? lasting : Math.floor(lasting * (1 + 1e-9));
   const cycle = (data.bar_length + data.approach) / perMinute + data.return_time;

@@ -87,6 +87,7 @@ def page_data(scenario: Scenario, evidence: Evidence, advice: Sequence[Advice]) 
             "curve_scatter",
             "curve_reference",
             "measured",
+            "origin",
         }
         known[name] = law_evidence.model_dump(mode="json", include=fields)
         known[name]["quantile"] = law_evidence.quantile

@@ -94,7 +94,7 @@ def draw_map(
             ha="left",
             x=0.02,
         )
-    figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False)
+    figure.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False)
     return _without_formulas(figure)
 
 
@@ -152,7 +152,7 @@ def draw_map_on(
             facecolor="white",
             edgecolor=_DOTS,
             hatch="..",
-            label="* extrapolated: not measured there",
+            label=f"* extrapolated: not {evidence.origins} there",
         )
         handles.append(dots)
     return handles
@@ -371,9 +371,10 @@ def _draw_load_limits(
             continue
         share = getattr(cuts, f"{line.load}_share")
         _draw_limit(axes, cuts, share, colour=line.colour, dashes=line.dashes)
-        label = f"{line.load.replace('_', ' ')} at its limit, {limit:g} {line.unit}"
-        if line.load not in evidence.laws:
-            label += " (law not measured)"
+        label = f"{line.load.replace('_', ' ')} at its limit, {limit:.4g} {line.unit}"
+        known = evidence.known(line.load)
+        if known != "measured":
+            label += f" ({known})"
         handles.append(_limit_handle(label, line.colour, line.dashes))
     return handles
 

@@ -5,13 +5,14 @@ that still are those fitted. ``whatif.py`` predicts the nominal values.
 """
 
 from collections.abc import Iterator, Mapping
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 from scipy import stats
 from turning_shop import Values, WorkshopError
+from turning_shop.catalogue import UNMEASURED
 from turning_shop.fit import FACTORS, LEVEL, SETTINGS, Fit, curve_slope, regressor
 from turning_shop.headers import COLUMNS
 from turning_shop.whatif import Cuts
@@ -38,7 +39,9 @@ class LawEvidence(BaseModel, frozen=True, allow_inf_nan=False):
     scatter: float
     curve_scatter: float = 0.0
     curve_reference: float = 1.0
-    measured: dict[str, tuple[float, float]]  # lowest and highest value of each factor
+    # Lowest and highest value of each factor, as measured or as the catalogue states them.
+    measured: dict[str, tuple[float, float]]
+    origin: Literal["measured", "catalogue"] = "measured"
 
     @property
     def quantile(self) -> float:
@@ -82,6 +85,20 @@ class Evidence(BaseModel, frozen=True, allow_inf_nan=False):
     source: str = ""
     warnings: tuple[str, ...] = ()
     laws: dict[str, LawEvidence] = Field(default_factory=dict)
+
+    @property
+    def origins(self) -> str:
+        """Where its laws come from, for people: "measured", or "in the catalogue"."""
+        origins = {law.origin for law in self.laws.values()}
+        return "in the catalogue" if origins == {"catalogue"} else "measured"
+
+    def known(self, name: str) -> str:
+        """Return what is known of a law, for people."""
+        if name not in self.laws:
+            return "not measured"
+        if self.laws[name].origin == "catalogue":
+            return UNMEASURED
+        return "measured"
 
 
 class MeasuredRange(NamedTuple):

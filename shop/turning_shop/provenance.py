@@ -15,10 +15,11 @@ import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from operator import attrgetter
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from pydantic import BaseModel
 from turning_shop.allowed import NO_STRENGTH
+from turning_shop.catalogue import UNMEASURED
 from turning_shop.fit import FACTORS
 from turning_shop.prediction import Evidence, read_evidence
 from turning_shop.whatif import NO_LIMIT
@@ -160,7 +161,26 @@ def load(
         return scenario, evidence.model_copy(update={"warnings": tuple(warnings)})
 
     values, preset = stated_by(scenario.file)
-    stated = set(flat(values))
+    stated = Stated(set(flat(values)), preset)
+    return for_advice(scenario, evidence, stated, needed=needed, is_simulated=is_simulated)
+
+
+class Stated(NamedTuple):
+    """What files state of a scenario."""
+
+    names: set[str]  # of the values, with their sections
+    preset: str  # that has all others
+
+
+def for_advice(
+    scenario: Scenario,
+    evidence: Evidence,
+    stated_values: Stated,
+    needed: Mapping[str, str] = OF_ADVICE,
+    is_simulated: bool = True,
+) -> tuple[Scenario, Evidence]:
+    """Return a scenario without what no file states, and its evidence, as ``load`` does."""
+    stated, preset = stated_values
     warnings = [f"{evidence.source}: {warning}" for warning in evidence.warnings]
     scenario, effects = _without_unstated(scenario, stated)
     assumed = _assumed(scenario, stated, needed)
@@ -307,13 +327,19 @@ def _law_warnings(
             is_stated = any(field.startswith(f"material.{name}.") for field in stated)
             owner = "your files" if is_stated else preset
             yield f"{name}: the law was not measured; it is that of {owner}"
+    published = [name for name, law in evidence.laws.items() if law.origin == "catalogue"]
+    if published:
+        yield f"laws of {', '.join(published)}: {UNMEASURED}"
     work = scenario.workpiece
     spreads = {
         "depth_of_cut": max(work.depth_bar_spread, work.depth_along_spread),
         "hardness": max(work.hardness_bar_spread, work.hardness_along_spread),
     }
     for factor, spread in spreads.items():
-        laws = [name for name, law in evidence.laws.items() if factor not in law.terms]
+        laws = []
+        for name, law in evidence.laws.items():
+            if law.origin == "measured" and factor not in law.terms:
+                laws.append(name)
         if spread > 0.0 and laws:
             names = ", ".join(laws)
             yield (f"bars vary in {factor}, whose exponent was not measured but assumed: {names}")

@@ -1,0 +1,336 @@
+"""Advice without measured cuts: makers' ranges are kept, and every number says where it is from.
+
+Tests of ``python -m turning_env advise --material ...``.
+"""
+
+import json
+import shlex
+import shutil
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+from turning_shop import WorkshopError
+from turning_shop.advise import MIN_COST, Plan, best_plan, tried_plans
+from turning_shop.catalogue.inserts import read_insert
+from turning_shop.catalogue.materials import find_material
+from turning_shop.catalogue.start_values import read_grade, start_of
+from turning_shop.start import Job, Question, Stock, job_of, sentence, start_advice
+
+from tests.walking import ROOT, blocks, commands
+from turning_env import Scenario
+from turning_env.__main__ import main
+
+MACHINE = """
+[spindle]
+base_speed = 800.0
+max_speed = 4000.0
+
+[limits]
+power = 15.0
+
+[economics]
+machine_rate = 60.0
+insert_price = 12.0
+edge_change_time = 1.5
+"""
+BAR = Stock(diameter=80.0, length=200.0)
+
+
+class Maker(NamedTuple):
+    """A recommendation for turning: cutting speed [m/min] and feed [mm/rev]."""
+
+    material: str
+    tool: str
+    grade: str
+    speeds: tuple[float, float]
+    feeds: tuple[float, float]
+    source: str
+
+
+MAKERS = (
+    Maker(
+        "42CrMo4",
+        "CNMG120408-PM",
+        "P25",
+        speeds=(150, 230),
+        feeds=(0.2, 0.5),
+        source="Sumitomo 2019-2020, p. 13: AC8025P with GU in S45C, SCM435 and others",
+    ),
+    Maker(
+        "4140",
+        "CNMG432-PM",
+        "P25",
+        speeds=(150, 220),
+        feeds=(0.2, 0.45),
+        source="Otai Steel: 4140 up to 220 HB, coated carbide",
+    ),
+    Maker(
+        "1.4301",
+        "CNMG120408-MM",
+        "M15",
+        speeds=(100, 180),
+        feeds=(0.2, 0.4),
+        source="Kyocera 2016-2017, p. 214: CA6515, roughing of stainless steel up to 220 HB",
+    ),
+    Maker(
+        "GG25",
+        "CNMG120412-KM",
+        "K15",
+        speeds=(180, 450),
+        feeds=(0.1, 0.5),
+        source="Sumitomo 2019-2020, p. 16: AC4015K in FC250",
+    ),
+    Maker(
+        "GG25",
+        "CNMG120408-KM",
+        "K20",
+        speeds=(150, 300),
+        feeds=(0.1, 0.6),
+        source="Sumitomo 2019-2020, p. 16: AC420K in FC250",
+    ),
+    Maker(
+        "Ti-6Al-4V",
+        "CNMG120408-SM",
+        "S15",
+        speeds=(30, 90),
+        feeds=(0.1, 0.3),
+        source="Kyocera 2021-2022, p. 301 (30 to 70), Machining Doctor (70 to 90 m/min), "
+        "DGI Supply (feeds of S515)",
+    ),
+    Maker(
+        "6061",
+        "CCGT120408",
+        "N15",
+        speeds=(200, 500),
+        feeds=(0.1, 0.4),
+        source="DGI Supply: N425 in 2024, 6061, 7075, 655 to 1640 ft/min at 0.004 to 0.016 inch",
+    ),
+)
+
+
+@pytest.fixture
+def machine(tmp_path: Path) -> str:
+    """Return a machine's file."""
+    path = tmp_path / "machine.toml"
+    path.write_text(MACHINE)
+    return str(path)
+
+
+def cheapest(job: Job) -> Plan:
+    """Return the cheapest plan of a job, without the limits that bind it."""
+    tried = tried_plans(job.scenario, job.evidence)
+    plan = best_plan(job.scenario, job.evidence, tried, aim=MIN_COST)
+    assert plan
+    return plan
+
+
+@pytest.mark.parametrize("maker", MAKERS, ids=lambda maker: f"{maker.material}-{maker.grade}")
+def test_advice_lies_within_makers_ranges(maker: Maker, machine: str) -> None:
+    question = Question(
+        maker.material, maker.tool, maker.grade, stock=BAR, depth=2.0, machine=machine
+    )
+    cuts = cheapest(job_of(question)).cuts
+    assert maker.speeds[0] <= cuts.cutting_speed <= maker.speeds[1], maker.source
+    assert maker.feeds[0] <= cuts.feed <= maker.feeds[1], maker.source
+
+
+@pytest.mark.parametrize(
+    ("text", "group"),
+    [
+        ("P6", "P6"),
+        ("1.7225", "P6"),
+        ("42crmo4", "P6"),
+        ("AISI 4140", "P6"),
+        ("SUS 304", "M14"),
+        ("x5crni18-10", "M14"),
+        ("EN-GJL-250", "K15"),
+        ("ti 6al 4v", "S37"),
+        ("6061", "N22"),
+    ],
+)
+def test_a_material_is_found_by_group_number_and_name(text: str, group: str) -> None:
+    assert find_material(text).group.name == group
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("4141", "did you mean .*4140"),
+        ("42CrMo5", "did you mean 42CRMO4"),
+        ("P14", "P1, P2"),
+        ("H38", "measure a cut"),
+        ("cheese", "Or give its group"),
+    ],
+)
+def test_an_unknown_material_says_what_is_near(text: str, message: str) -> None:
+    with pytest.raises(WorkshopError, match=message):
+        find_material(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "edge", "radius", "edges"),
+    [
+        ("CNMG120408-PM", 12.9, 0.8, 4),
+        ("CNMG 12 04 08-PM", 12.9, 0.8, 4),
+        ("CNMG432", 12.9, 0.8, 4),
+        ("CNMM190616-PR", 19.3, 1.6, 2),
+        ("WNMG080412", 8.7, 1.2, 6),
+        ("DCMT11T304-PF", 11.6, 0.4, 2),
+        ("CCMT32.51", 9.7, 0.4, 2),
+        ("TNMG160404", 16.5, 0.4, 6),
+        ("SNMG120408", 12.7, 0.8, 8),
+        ("VNMG160404", 16.6, 0.4, 4),
+    ],
+)
+def test_a_designation_gives_edge_nose_radius_and_number_of_edges(
+    text: str, edge: float, radius: float, edges: int
+) -> None:
+    insert = read_insert(text)
+    assert insert.edge_length == pytest.approx(edge, abs=0.06)
+    assert (insert.nose_radius, insert.edges) == (radius, edges)
+
+
+def test_the_chip_breakers_letter_gives_the_window() -> None:
+    windows = [read_insert(f"CNMG120412-{letters}").feeds for letters in ("PF", "PM", "PR")]
+    assert windows == sorted(windows)
+    unknown = read_insert("CNMG120412-XYZ")
+    assert unknown.feeds == windows[1]
+    assert "XYZ" in unknown.assumptions[0]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("CNMG1204", "CNMG120408-PM"),
+        ("CNMG130408", "did you mean 12"),
+        ("XNMG120408", "shape X is not known"),
+        ("CNMG120400", "nose radius is 0"),
+    ],
+)
+def test_a_wrong_designation_says_what_is_right(text: str, message: str) -> None:
+    with pytest.raises(WorkshopError, match=message):
+        read_insert(text)
+
+
+@pytest.mark.parametrize("text", ["GC4325", "P", "X25", "P60", "25"])
+def test_a_makers_grade_asks_for_the_application(text: str) -> None:
+    with pytest.raises(WorkshopError, match="P25"):
+        read_grade(text)
+
+
+def test_a_tougher_grade_cuts_slower_between_its_neighbours() -> None:
+    group = find_material("42CrMo4").group
+    speeds = [start_of(group, read_grade(f"P{number}")).speed for number in (15, 20, 25, 35)]
+    assert speeds == sorted(speeds, reverse=True)
+    assert start_of(group, read_grade("K10")).assumptions
+
+
+def test_the_answer_has_intervals_a_limit_and_what_to_measure(machine: str) -> None:
+    question = Question("42CrMo4", "CNMG120408-PM", "P25", stock=BAR, depth=2.0, machine=machine)
+    job = job_of(question)
+    advice = start_advice(job)
+    best = advice[0].plan
+    assert best.parts_low < best.parts < best.parts_high
+    assert best.cost_low < best.cost < best.cost_high
+    # A life is known within the width of the maker's speeds, 150 to 230 m/min.
+    assert best.prediction.high["tool_life"] / best.prediction.low["tool_life"] > 4.0
+    text = sentence(job, advice)
+    assert "(150 to 230)" in text
+    assert "the nose radius binds" in text
+    assert "catalogue, not measured" in text
+    assert "the flank wear of one edge" in text
+
+
+def test_on_a_weak_machine_the_power_is_what_to_measure(tmp_path: Path) -> None:
+    path = tmp_path / "weak.toml"
+    path.write_text(MACHINE.replace("15.0", "4.0"))
+    question = Question("42CrMo4", "CNMG120408-PM", "P25", BAR, depth=2.0, machine=str(path))
+    job = job_of(question)
+    advice = start_advice(job)
+    assert advice[0].plan.cuts.power <= 4.0
+    assert "the spindle's power binds" in sentence(job, advice)
+    assert "the spindle's power in one cut" in sentence(job, advice)
+
+
+def test_a_depth_that_the_spindle_can_turn_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "weak.toml"
+    path.write_text(MACHINE.replace("15.0", "2.0"))
+    question = Question("42CrMo4", "CNMG120408-PM", "P25", BAR, depth=4.0, machine=str(path))
+    job = job_of(question)
+    with pytest.raises(WorkshopError, match=r"depth_of_cut to about (1\.\d) mm") as refused:
+        start_advice(job)
+    depth = float(refused.value.args[0].split("about ")[1].split()[0])
+    cheapest(job_of(question._replace(depth=0.95 * depth)))
+
+
+def test_the_machine_and_the_box_come_before_the_catalogue(tmp_path: Path) -> None:
+    path = tmp_path / "slow.toml"
+    path.write_text("[machine]\ncutting_speed_max = 160.0\nfeed_max = 0.3\n")
+    question = Question("P6", "CNMG120408-PM", "P25", BAR, depth=2.0, machine=str(path))
+    job = job_of(question)
+    cuts = cheapest(job).cuts
+    assert cuts.cutting_speed <= 160.0
+    assert cuts.feed <= 0.3
+    question = question._replace(machine="rough_turning")
+    faster = cheapest(job_of(question._replace(start_speed=300.0)))
+    assert faster.cuts.cutting_speed > 230.0
+    finer = cheapest(job_of(question._replace(feeds=(0.1, 0.25))))
+    assert finer.cuts.feed == 0.25
+    assert any("limits.power is off" in text for text in job.assumptions)
+
+
+def test_a_depth_beyond_the_edge_is_refused_and_one_beyond_the_breaker_is_named() -> None:
+    question = Question("P6", "CNMG120408-PM", "P25", BAR, depth=12.0)
+    with pytest.raises(WorkshopError, match=r"cuts up to 8\.6 mm"):
+        job_of(question)
+    shallow = job_of(question._replace(depth=0.4))
+    assert any("chips may not break" in text for text in shallow.assumptions)
+
+
+def test_the_written_scenario_gives_the_same_advice(
+    machine: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "start.toml"
+    words = "--material 42CrMo4 --tool CNMG120408-PM --grade P25 --stock 80x200 --depth 2 --json"
+    assert main(["advise", *words.split(), "--machine", machine, "--out", str(out)]) == 0
+    asked = json.loads(capsys.readouterr().out)
+    assert main(["advise", str(out), "--seeds", "0", "--json"]) == 0
+    loaded = json.loads(capsys.readouterr().out)
+    assert asked["advice"] == loaded["advice"]
+    assert asked["answer"]
+    assert asked["sources"]
+    assert asked["assumptions"]
+    assert Scenario.load(out).tool.nose_radius == 0.8
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("", "give a SCENARIO"),
+        ("--material P6 --grade P25", "missing: --tool, --stock"),
+        ("rough_turning --material P6", "laws of its own"),
+    ],
+)
+def test_missing_and_contradicting_options_are_named(
+    words: str, message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["advise", *words.split()]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_the_page_works_as_printed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page = (ROOT / "shop" / "docs" / "start_values.md").read_text("utf-8")
+    shutil.copytree(ROOT / "shop" / "examples", tmp_path / "shop" / "examples")
+    monkeypatch.chdir(tmp_path)
+    for block in blocks(page):
+        if block.language == "toml":
+            Path(str(block.title)).write_text(block.text)
+            continue
+        for line in commands(block):
+            assert main(shlex.split(line)[3:]) == 0, line
+    printed = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
+    quoted = [" ".join(line.split()) for line in page.splitlines() if line.startswith("    ")]
+    assert set(quoted) <= set(printed)

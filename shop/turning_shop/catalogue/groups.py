@@ -1,0 +1,79 @@
+"""The material groups of VDI 3323, with the specific cutting force of each.
+
+The cutting force of an edge at right angles to the feed is kc1.1 ap f^(1 - mc) (Kienzle), with
+kc1.1 [N/mm2], the depth of cut ap [mm] and the feed f [mm/rev]. Source of hardness, kc1.1 and mc:
+ISCAR, turning tools catalogue 2017, p. 558. Its catalogue of 2022 agrees but for titanium, where
+the geometric mean of both is taken.
+"""
+
+from typing import NamedTuple
+
+SOURCE = "ISCAR catalogues 2017, p. 558, and 2022"
+FORCE_DEVIATION = 0.2
+"""Log standard deviation of kc1.1 [-].
+
+Assumption: the values for 42CrMo4 of ISCAR (1775 N/mm2) and Röhm RN-1391 (2526 N/mm2) differ by
+0.35, those for titanium of ISCAR's two catalogues by 0.53.
+"""
+EXPONENT_DEVIATION = 0.045
+"""Standard deviation of mc [-] (assumption: as that of the family ``shop``)."""
+
+
+class Group(NamedTuple):
+    """A group of VDI 3323."""
+
+    name: str  # letter of ISO 513 and number of VDI 3323
+    description: str
+    hardness: str
+    kc11: float  # specific cutting force at 1 mm2 [N/mm2]
+    mc: float  # exponent of the chip's thickness [-]
+
+    @property
+    def letter(self) -> str:
+        """Group of ISO 513: P, M, K, N, S or H."""
+        return self.name[0]
+
+
+_ROWS = (
+    ("P1", "non-alloy steel below 0.25 % C, annealed", "125 HB", 1350, 0.21),
+    ("P2", "non-alloy steel from 0.25 % C, annealed", "190 HB", 1500, 0.22),
+    ("P3", "non-alloy steel below 0.55 % C, quenched and tempered", "250 HB", 1675, 0.24),
+    ("P4", "non-alloy steel from 0.55 % C, annealed", "220 HB", 1700, 0.24),
+    ("P5", "non-alloy steel from 0.55 % C, quenched and tempered", "300 HB", 1900, 0.24),
+    ("P6", "low-alloy steel, annealed", "200 HB", 1775, 0.24),
+    ("P7", "low-alloy steel, quenched and tempered", "275 HB", 1675, 0.24),
+    ("P8", "low-alloy steel, quenched and tempered", "300 HB", 1725, 0.24),
+    ("P9", "low-alloy steel, quenched and tempered", "350 HB", 1800, 0.24),
+    ("P10", "high-alloy and tool steel, annealed", "200 HB", 2450, 0.23),
+    ("P11", "high-alloy and tool steel, quenched and tempered", "325 HB", 2500, 0.23),
+    ("P12", "stainless steel, ferritic or martensitic, annealed", "200 HB", 1875, 0.21),
+    ("P13", "stainless steel, martensitic, quenched and tempered", "240 HB", 1875, 0.21),
+    ("M14", "stainless steel, austenitic or duplex", "180 HB", 2150, 0.20),
+    ("K15", "grey cast iron, ferritic or pearlitic", "180 HB", 1150, 0.20),
+    ("K16", "grey cast iron, pearlitic or martensitic", "260 HB", 1350, 0.28),
+    ("K17", "nodular cast iron, ferritic", "160 HB", 1225, 0.25),
+    ("K18", "nodular cast iron, pearlitic", "250 HB", 1350, 0.28),
+    ("K19", "malleable cast iron, ferritic", "130 HB", 1225, 0.25),
+    ("K20", "malleable cast iron, pearlitic", "230 HB", 1420, 0.30),
+    ("N21", "wrought aluminium alloy, not hardenable", "60 HB", 700, 0.25),
+    ("N22", "wrought aluminium alloy, hardened", "100 HB", 800, 0.25),
+    ("N23", "cast aluminium alloy up to 12 % Si, not hardenable", "75 HB", 700, 0.25),
+    ("N24", "cast aluminium alloy up to 12 % Si, hardened", "90 HB", 700, 0.25),
+    ("N25", "cast aluminium alloy above 12 % Si", "130 HB", 750, 0.25),
+    ("N26", "copper alloy, free cutting", "110 HB", 700, 0.27),
+    ("N27", "brass", "90 HB", 700, 0.27),
+    ("N28", "electrolytic copper, bronze", "100 HB", 700, 0.27),
+    ("S31", "heat-resistant alloy of iron, annealed", "200 HB", 2600, 0.24),
+    ("S32", "heat-resistant alloy of iron, hardened", "280 HB", 3100, 0.24),
+    ("S33", "heat-resistant alloy of nickel or cobalt, annealed", "250 HB", 3300, 0.24),
+    ("S34", "heat-resistant alloy of nickel or cobalt, hardened", "350 HB", 3300, 0.24),
+    ("S35", "heat-resistant alloy of nickel or cobalt, cast", "320 HB", 3300, 0.24),
+    ("S36", "titanium, pure", "400 N/mm2", 1404, 0.235),
+    ("S37", "titanium alloy, alpha and beta", "1050 N/mm2", 1621, 0.23),
+)
+GROUPS = {row[0]: Group(*row) for row in _ROWS}
+"""All groups with a specific cutting force and a start value, by name.
+
+Hardened steel and chilled iron (H38 to H41) are left out: their tools are ceramics and CBN, for
+which the sources have no start values.
+"""

@@ -1,0 +1,186 @@
+"""Laws of wear, thrust force and power from a material group, a start value and an insert.
+
+All are power laws, so that everything that reads fitted laws reads them. Their evidence states the
+width of their sources as the covariance of the logarithms, as a fit does.
+"""
+
+import math
+
+import numpy as np
+from turning_shop.catalogue import start_values
+from turning_shop.catalogue.groups import EXPONENT_DEVIATION, FORCE_DEVIATION, Group
+from turning_shop.catalogue.start_values import (
+    DEPTH_EXPONENT,
+    FEED_EXPONENT,
+    FEED_EXPONENT_DEVIATION,
+    REFERENCE_DEPTH,
+    REFERENCE_FEED,
+    TAYLOR_DEVIATION,
+    Start,
+)
+from turning_shop.fit import TYPICAL_EDGE_SPREAD, TYPICAL_GROWTH
+from turning_shop.prediction import LawEvidence
+from turning_shop.provenance import TAYLOR
+
+from turning_env.scenario.power_law import PowerLaw
+from turning_env.scenario.sections import Material
+
+WEAR_EXPONENT = 0.5
+"""Exponent of time in flank wear, W ~ t^g [-].
+
+Assumption: the readings of 72 pairs of materials of KIT-AMEL (AIST) have 0.39 to 0.73.
+"""
+THRUST_SHARE = 0.45
+"""Thrust force over cutting force of a fresh edge [-] (assumption: 0.35 to 0.6)."""
+THRUST_SHARE_DEVIATION = 0.15  # log standard deviation of it (assumption, from the same range) [-]
+HARDNESS_EXPONENT = 0.75  # of force and power, as in the presets (assumption) [-]
+WEAR_HARDNESS_EXPONENT = 0.5  # of wear, as in the presets (assumption) [-]
+MANY = 1e6  # degrees of freedom of a width that is not estimated from rows
+
+ASSUMED = (
+    f"flank wear grows with the root of time, W ~ t^{WEAR_EXPONENT:g}",
+    f"thrust is {THRUST_SHARE:g} of the cutting force (0.35 to 0.6)",
+    f"thrust grows by {TYPICAL_GROWTH['thrust_force']:g} and power by "
+    f"{TYPICAL_GROWTH['power']:g} per mm of flank wear, as on 13 tools of Vicomtech",
+    "the entering angle is near 90 degrees",
+)
+"""What the laws assume, for people."""
+
+
+def material_of(group: Group, start: Start, wear_criterion: float) -> Material:
+    """Return the laws of a group at a start value, worn out at a flank wear [mm]."""
+    force_feed = 1.0 - group.mc
+    power = _worn(
+        PowerLaw(
+            coefficient=group.kc11 / 60_000.0,  # N/mm2 mm2 m/min to kW
+            cutting_speed=1.0,
+            feed=force_feed,
+            depth_of_cut=1.0,
+            reference_depth_of_cut=1.0,
+            hardness=HARDNESS_EXPONENT,
+        ),
+        growth=TYPICAL_GROWTH["power"],
+    )
+    thrust_force = _worn(
+        PowerLaw(
+            coefficient=THRUST_SHARE * group.kc11,
+            feed=force_feed,
+            depth_of_cut=1.0,
+            reference_depth_of_cut=1.0,
+            hardness=HARDNESS_EXPONENT,
+        ),
+        growth=TYPICAL_GROWTH["thrust_force"],
+    )
+    return Material(
+        wear=wear_law(start.speed, TAYLOR, wear_criterion),
+        thrust_force=thrust_force,
+        power=power,
+    )
+
+
+def _worn(law: PowerLaw, growth: float) -> PowerLaw:
+    """Return a law of a fresh edge that grows with the wear."""
+    return law.model_copy(update={"wear": 1.0, "wear_growth": growth})
+
+
+def wear_law(
+    speed: float, taylor: float, wear_criterion: float, feed_exponent: float = FEED_EXPONENT
+) -> PowerLaw:
+    """Return the law of wear whose edge is worn out after ``LIFE`` at a speed.
+
+    The speed [m/min] is that at the reference feed and depth. From V f^x ap^y T^n = constant and
+    W = c V^a f^b ap^d T^g follow a = g / n, b = a x and d = a y.
+    """
+    by_speed = WEAR_EXPONENT / taylor
+    by_feed = by_speed * feed_exponent
+    log_coefficient = (
+        math.log(wear_criterion)
+        - by_speed * math.log(speed)
+        - by_feed * math.log(REFERENCE_FEED)
+        - WEAR_EXPONENT * math.log(start_values.LIFE)
+    )
+    return PowerLaw(
+        coefficient=math.exp(log_coefficient),
+        cutting_speed=by_speed,
+        feed=by_feed,
+        depth_of_cut=by_speed * DEPTH_EXPONENT,
+        reference_depth_of_cut=REFERENCE_DEPTH,
+        time=WEAR_EXPONENT,
+        hardness=WEAR_HARDNESS_EXPONENT,
+    )
+
+
+def evidence_of(
+    material: Material, start: Start, feeds: tuple[float, float], depths: tuple[float, float]
+) -> dict[str, LawEvidence]:
+    """Return the evidence for the laws: the width of their sources, and where these hold.
+
+    Args:
+        material: the laws.
+        start: the start value.
+        feeds: lowest and highest feed of the insert [mm/rev].
+        depths: smallest and largest depth of cut of the insert [mm].
+    """
+    window = {"feed": feeds, "depth_of_cut": depths}
+    by_speed = {"cutting_speed": (start.speeds.low, start.speeds.high)}
+    thrust_deviation = math.hypot(FORCE_DEVIATION, THRUST_SHARE_DEVIATION)
+    return {
+        "wear": _wear_evidence(material.wear, start, measured=window | by_speed),
+        "thrust_force": _load_evidence(
+            material.thrust_force,
+            thrust_deviation,
+            scatter=TYPICAL_EDGE_SPREAD["thrust_force"],
+            measured=window,
+        ),
+        "power": _load_evidence(
+            material.power,
+            FORCE_DEVIATION,
+            scatter=TYPICAL_EDGE_SPREAD["power"],
+            measured=window,
+        ),
+    }
+
+
+def _wear_evidence(
+    law: PowerLaw, start: Start, measured: dict[str, tuple[float, float]]
+) -> LawEvidence:
+    """Return the evidence for the law of wear.
+
+    Its level is known at the start value; from there, its exponents of speed and feed turn it.
+    """
+    deviations = np.array(
+        (
+            law.cutting_speed * start.deviation,
+            law.cutting_speed * TAYLOR_DEVIATION,
+            law.cutting_speed * FEED_EXPONENT_DEVIATION,
+        )
+    )
+    # The coefficient's logarithm is the level less the exponents times the pivot's logarithms.
+    turned = np.eye(3)
+    turned[0, 1] = -math.log(start.speed)
+    turned[0, 2] = -math.log(REFERENCE_FEED)
+    covariance = turned @ np.diag(deviations**2) @ turned.T
+    return LawEvidence(
+        coefficient=law.coefficient,
+        terms=("cutting_speed", "feed"),
+        covariance=tuple(tuple(row) for row in covariance.tolist()),
+        degrees=MANY,
+        scatter=0.0,
+        measured=measured,
+        origin="catalogue",
+    )
+
+
+def _load_evidence(
+    law: PowerLaw, deviation: float, scatter: float, measured: dict[str, tuple[float, float]]
+) -> LawEvidence:
+    """Return the evidence for a law of force or power, by kc1.1 and mc."""
+    return LawEvidence(
+        coefficient=law.coefficient,
+        terms=("feed",),
+        covariance=((deviation**2, 0.0), (0.0, EXPONENT_DEVIATION**2)),
+        degrees=MANY,
+        scatter=scatter,
+        measured=measured,
+        origin="catalogue",
+    )

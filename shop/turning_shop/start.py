@@ -1,0 +1,494 @@
+"""Advise a cut from a catalogue: material, insert, grade, machine and stock, but no measured cut.
+
+The laws are those of ``catalogue``, with the width of their sources. Search and costs are those of
+``advise.py``. The answer is one sentence; then come limits, a table, the sources and every number
+that was assumed.
+"""
+
+import math
+import os
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import tomli_w
+from turning_shop import WorkshopError
+from turning_shop.advise import (
+    MIN_COST,
+    Advice,
+    Plan,
+    Prices,
+    advise,
+    best_plan,
+    bound_sentence,
+    money,
+    plan,
+    table,
+    tried_plans,
+)
+from turning_shop.allowed import FEED_PER_NOSE
+from turning_shop.catalogue import UNMEASURED, groups, inserts, laws, materials
+from turning_shop.catalogue.groups import FORCE_DEVIATION
+from turning_shop.catalogue.inserts import Insert, read_insert
+from turning_shop.catalogue.materials import HARDER, Material, find_material
+from turning_shop.catalogue.start_values import (
+    FEEDS,
+    LIFE,
+    Start,
+    read_grade,
+    start_of,
+    stated_start,
+)
+from turning_shop.fit import TYPICAL_EDGE_SPREAD
+from turning_shop.prediction import Evidence, LawEvidence
+from turning_shop.provenance import Stated, for_advice, stated_by
+
+from turning_env.scenario import Scenario
+from turning_env.scenario.scenario import flat, merged
+
+QUANTILE = 1.96  # half the 95 % interval over the standard deviation [-]
+UNREACHED = 0.5
+"""Lowest over highest value of a range that the machine, or the nose radius, ends (assumption)."""
+
+
+class Stock(NamedTuple):
+    """The bar."""
+
+    diameter: float  # at which it is turned [mm]
+    length: float  # of cut [mm]
+
+
+class Question(NamedTuple):
+    """What the user states."""
+
+    material: str
+    tool: str
+    grade: str
+    stock: Stock
+    depth: float | None = None  # of cut [mm]
+    machine: str = "rough_turning"  # preset or file
+    start_speed: float | None = None  # of the box of inserts [m/min]
+    feeds: tuple[float, float] | None = None  # of the box of inserts [mm/rev]
+
+
+class Window(NamedTuple):
+    """Where insert, grade and machine allow cuts."""
+
+    speeds: tuple[float, float]  # [m/min]
+    feeds: tuple[float, float]  # [mm/rev]
+    depths: tuple[float, float]  # [mm]
+    # Fields of the scenario whose ends are the catalogue's rather than the machine's.
+    catalogue_ends: frozenset[str]
+    assumptions: tuple[str, ...]
+
+
+class Job(NamedTuple):
+    """A job as a scenario with laws of a catalogue."""
+
+    material: Material
+    insert: Insert
+    grade: str
+    start: Start
+    window: Window
+    scenario: Scenario
+    evidence: Evidence
+    values: dict[str, Any]  # that the catalogue and the question state, by section
+    machine: str
+
+    @property
+    def sources(self) -> Iterator[str]:
+        """Sentences on where the numbers come from."""
+        group = self.material.group
+        insert = self.insert
+        low_speed, _, high_speed = self.start.speeds
+        yield f"{self.material.described} ({materials.SOURCE})"
+        yield (
+            f"kc1.1 {group.kc11:g} N/mm2 within {_percent(FORCE_DEVIATION)}, "
+            f"mc {group.mc:g} ({groups.SOURCE})"
+        )
+        yield (
+            f"{self.start.speeds.usual:.0f} m/min ({low_speed:.0f} to {high_speed:.0f}) "
+            f"for a life of {LIFE:g} min with {self.grade} ({'; '.join(self.start.sources)})"
+        )
+        yield (
+            f"{insert.name}: {insert.shape.name}, edge {insert.edge_length:.1f} mm, "
+            f"nose radius {insert.nose_radius:g} mm, {insert.edges} edges (ISO 1832); "
+            f"{insert.cut.name} ({inserts.CUTS_SOURCE})"
+        )
+
+    @property
+    def assumptions(self) -> Iterator[str]:
+        """Sentences on numbers without a source, and on the user's own that are missing."""
+        if self.material.group.name in HARDER and self.material.name != self.material.group.name:
+            yield f"the material is annealed; {HARDER[self.material.group.name]}"
+        yield from self.start.assumptions
+        yield from self.insert.assumptions
+        yield from self.window.assumptions
+        yield from laws.ASSUMED
+        for warning in self.evidence.warnings:
+            if UNMEASURED not in warning:
+                yield warning
+
+
+def _percent(log_deviation: float) -> str:
+    """Return a 95 % interval for people, from a log standard deviation."""
+    return f"{100 * math.expm1(QUANTILE * log_deviation):.0f} %"
+
+
+def job_of(question: Question) -> Job:
+    """Return the job of a question.
+
+    Raises:
+        WorkshopError: A designation is unknown, or insert, material and machine do not meet.
+        ScenarioError: The machine's file is invalid.
+    """
+    material = find_material(question.material)
+    insert = read_insert(question.tool)
+    grade = read_grade(question.grade)
+    machine = Scenario.load(question.machine)
+    if machine.file is None:
+        stated_values: dict[str, Any] = {}
+        preset = machine.name
+    else:
+        stated_values, preset = stated_by(machine.file)
+    stated = set(flat(stated_values))
+
+    depth = question.depth
+    if depth is None:
+        depth = min(insert.cut.depth.usual, insert.max_depth)
+    start = start_of(material.group, grade)
+    if question.start_speed is not None:
+        start = stated_start(question.start_speed, insert.cut.feed.usual, depth)
+    window = _window(question, insert=insert, start=start, machine=machine, stated=stated)
+    _check_depth(depth, insert)
+
+    fitted = laws.material_of(material.group, start, machine.tool.wear_criterion)
+    evidence_laws = laws.evidence_of(fitted, start, window.feeds, window.depths)
+    values = _values(question, insert=insert, window=window, depth=depth)
+    values["material"] = fitted.model_dump()
+    values["limits"] = _limits(machine, stated, fitted=fitted, insert=insert, window=window)
+    if "economics.edges_per_insert" not in stated:
+        values["economics"] = {"edges_per_insert": float(insert.edges)}
+    name = re.sub(r"[^A-Za-z0-9.-]+", "_", f"{material.name}_{insert.name}_{grade.name}")[:64]
+    base = machine.model_dump(exclude={"name"})
+    for start_name in ("initial_cutting_speed", "initial_feed"):
+        # A start that only the preset states moves into the range.
+        if f"control.{start_name}" not in stated:
+            del base["control"][start_name]
+    scenario = Scenario.load({"name": name.strip("_.")} | merged(base, values))
+    known = Evidence(source="catalogue", laws=evidence_laws)
+    scenario, known = for_advice(
+        scenario,
+        known,
+        Stated(stated | set(flat(values)), preset),
+        is_simulated=False,
+    )
+    return Job(
+        material=material,
+        insert=insert,
+        grade=grade.name,
+        start=start,
+        window=window,
+        scenario=scenario,
+        evidence=known,
+        values=values,
+        machine=question.machine,
+    )
+
+
+def _check_depth(depth: float, insert: Insert) -> None:
+    if depth > insert.max_depth:
+        raise WorkshopError(
+            f"--depth {depth:g} mm is too deep for {insert.name}: its edge of "
+            f"{insert.edge_length:.1f} mm cuts up to {insert.max_depth:.1f} mm; "
+            "take more passes or a larger insert"
+        )
+
+
+def _window(
+    question: Question, insert: Insert, start: Start, machine: Scenario, stated: set[str]
+) -> Window:
+    """Return where insert, grade and machine allow cuts."""
+    assumptions: list[str] = []
+    ends = {
+        "machine.cutting_speed_min",
+        "machine.cutting_speed_max",
+        "machine.feed_min",
+        "machine.feed_max",
+    }
+    low_speed = start.speeds.low
+    high_speed = start.speeds.high
+    if "machine.cutting_speed_max" in stated and machine.machine.cutting_speed_max < high_speed:
+        high_speed = machine.machine.cutting_speed_max
+        ends.discard("machine.cutting_speed_max")
+    reached = high_speed
+    if machine.spindle.max_speed and "spindle.max_speed" in stated:
+        by_spindle = math.pi * question.stock.diameter * machine.spindle.max_speed / 1000.0
+        reached = min(high_speed, by_spindle)
+    if reached <= low_speed:
+        low_speed = UNREACHED * reached
+        assumptions.append(
+            f"the machine reaches {reached:.0f} m/min at {question.stock.diameter:g} mm diameter, "
+            f"less than the catalogue's lowest, {start.speeds.low:.0f} m/min"
+        )
+    lowest = machine.machine.cutting_speed_min
+    if "machine.cutting_speed_min" in stated and lowest > low_speed:
+        if lowest >= reached:
+            raise WorkshopError(
+                f"machine.cutting_speed_min is {lowest:g} m/min, but {insert.name} "
+                f"{question.grade} cuts at up to {reached:.0f} m/min in this material"
+            )
+        low_speed = lowest
+        ends.discard("machine.cutting_speed_min")
+
+    low_feed, high_feed = question.feeds or insert.feeds
+    by_material = FEEDS.get(find_material(question.material).group.letter)
+    if by_material and question.feeds is None:
+        low_feed = max(by_material[0], min(low_feed, 0.5 * by_material[1]))
+        high_feed = min(high_feed, by_material[1])
+    if "machine.feed_max" in stated and machine.machine.feed_max < high_feed:
+        high_feed = machine.machine.feed_max
+        ends.discard("machine.feed_max")
+    highest = min(high_feed, FEED_PER_NOSE * insert.nose_radius)
+    if low_feed >= highest:
+        low_feed = UNREACHED * highest
+        assumptions.append(
+            f"feeds begin at {low_feed:g} mm/rev: the nose radius of {insert.nose_radius:g} mm "
+            "and the machine end them below the chip breaker's window"
+        )
+    if "machine.feed_min" in stated and machine.machine.feed_min > low_feed:
+        if machine.machine.feed_min >= highest:
+            raise WorkshopError(
+                f"machine.feed_min is {machine.machine.feed_min:g} mm/rev, but {insert.name} "
+                f"takes up to {highest:g} mm/rev, half of its nose radius"
+            )
+        low_feed = machine.machine.feed_min
+        ends.discard("machine.feed_min")
+
+    if question.depth is not None and not insert.depths[0] <= question.depth <= insert.depths[1]:
+        assumptions.append(
+            f"{question.depth:g} mm is outside the {insert.depths[0]:g} to "
+            f"{insert.depths[1]:.2g} mm of its chip breaker: chips may not break"
+        )
+    return Window(
+        speeds=(low_speed, high_speed),
+        feeds=(low_feed, high_feed),
+        depths=insert.depths,
+        catalogue_ends=frozenset(ends),
+        assumptions=tuple(assumptions),
+    )
+
+
+def _values(question: Question, insert: Insert, window: Window, depth: float) -> dict[str, Any]:
+    """Return the values of the question and the catalogue, by section."""
+    return {
+        "machine": {
+            "cutting_speed_min": window.speeds[0],
+            "cutting_speed_max": window.speeds[1],
+            "feed_min": window.feeds[0],
+            "feed_max": window.feeds[1],
+        },
+        "workpiece": {
+            "diameter": question.stock.diameter,
+            "bar_length": question.stock.length,
+            "depth_of_cut": depth,
+        },
+        "tool": {"nose_radius": insert.nose_radius},
+    }
+
+
+def _limits(
+    machine: Scenario, stated: set[str], fitted: Any, insert: Insert, window: Window
+) -> dict[str, float]:
+    """Return the limits of force and power: those of the machine, and the insert's strength.
+
+    The insert bears the thrust of its highest feed and depth in this material, worn out.
+    """
+    bearable = float(
+        fitted.thrust_force(
+            window.speeds[0],
+            window.feeds[1],
+            window.depths[1],
+            wear=machine.tool.wear_criterion,
+        )
+    )
+    limits = {"thrust_force": bearable}
+    if "limits.thrust_force" in stated:
+        limits["thrust_force"] = min(bearable, machine.limits.thrust_force)
+    if "limits.power" not in stated and "machine.rated_power" in stated:
+        limits["power"] = machine.machine.rated_power
+    return limits
+
+
+def start_advice(job: Job) -> list[Advice]:
+    """Return the advice on a job, the least cost first."""
+    return advise(job.scenario, job.evidence)
+
+
+_BOUND_NAMES = {
+    "limits.power": "the spindle's power",
+    "limits.thrust_force": "the strength of the insert",
+    "tool.edge_strength": "the strength of the edge",
+    "tool.nose_radius": "the nose radius",
+    "spindle.max_speed": "the highest spindle speed",
+    "machine.cutting_speed_min": "the lowest cutting speed",
+    "machine.cutting_speed_max": "the highest cutting speed",
+    "machine.feed_min": "the lowest feed",
+    "machine.feed_max": "the highest feed",
+}
+
+
+def _binding(job: Job, advice: Advice) -> str:
+    """Return the limit whose lifting saves most, for people."""
+    if not advice.bounds:
+        return "no limit binds"
+    bound = min(advice.bounds, key=lambda bound: float(bound.without.cost))
+    name = _BOUND_NAMES.get(bound.name, bound.name)
+    owner = " of the catalogue" if bound.name in job.window.catalogue_ends else ""
+    return f"{name}{owner} binds"
+
+
+class Narrowing(NamedTuple):
+    """A measurement of one cut, and what it tells."""
+
+    action: str
+    saving: float  # of the interval of the cost, in the unit of the cost
+    gain: str
+
+
+def narrowings(job: Job, best: Plan) -> list[Narrowing]:
+    """Return what one measured cut would narrow, that which narrows the cost most first.
+
+    The cost is that of the best cut if a law is at the end of its interval.
+    """
+    wear = job.evidence.laws["wear"]
+    before = wear.log_deviation(job.scenario.material.wear, best.cuts._asdict(), of_reading=False)
+    spread = job.scenario.tool.wear_factor_spread
+    after = 1.0 / math.hypot(1.0 / float(before), 1.0 / max(spread, 1e-3))
+    narrowed = _with_wear_evidence(job.evidence, deviation=after)
+    better = _plan_again(job, best, narrowed)
+    count = max(1.0, float(best.parts_low))
+    of_wear = Narrowing(
+        action=f"the flank wear of one edge after {count:.0f} {_parts_word(count)}",
+        saving=_cost_range(job, "wear", float(before)) - _cost_range(job, "wear", after),
+        gain=f"the parts an edge to {_between(better.parts_low, better.parts_high)}",
+    )
+    after = TYPICAL_EDGE_SPREAD["power"]
+    power = float(best.cuts.power)
+    half = QUANTILE * after
+    of_power = Narrowing(
+        action="the spindle's power in one cut",
+        saving=_cost_range(job, "power", FORCE_DEVIATION) - _cost_range(job, "power", after),
+        gain=f"{power:.1f} kW to within {100 * half:.0f} %",
+    )
+    return sorted((of_wear, of_power), key=lambda narrowing: -narrowing.saving)
+
+
+def _cost_range(job: Job, law: str, deviation: float) -> float:
+    """Return how far the least cost goes if a law lies within its 95 % interval."""
+    costs = []
+    for sign in (-1.0, 1.0):
+        factor = math.exp(sign * QUANTILE * deviation)
+        changed = getattr(job.scenario.material, law)
+        changed = changed.model_copy(update={"coefficient": factor * changed.coefficient})
+        material = job.scenario.material.model_copy(update={law: changed})
+        scenario = job.scenario.model_copy(update={"material": material})
+        tried = tried_plans(scenario, Evidence())
+        best = best_plan(scenario, Evidence(), tried, aim=MIN_COST)
+        costs.append(math.inf if best is None else float(best.cost))
+    return abs(costs[1] - costs[0])
+
+
+def _with_wear_evidence(evidence: Evidence, deviation: float) -> Evidence:
+    """Return the evidence with a law of wear that is known to a log standard deviation."""
+    before = evidence.laws["wear"]
+    narrow: LawEvidence = before.model_copy(update={"terms": (), "covariance": ((deviation**2,),)})
+    return evidence.model_copy(update={"laws": evidence.laws | {"wear": narrow}})
+
+
+def _plan_again(job: Job, best: Plan, evidence: Evidence) -> Plan:
+    """Return a plan with other evidence."""
+    return plan(
+        job.scenario,
+        evidence,
+        cutting_speed=best.cuts.cutting_speed,
+        feed=best.cuts.feed,
+        wear=best.cuts.wear,
+    )
+
+
+def _between(low: Any, high: Any) -> str:
+    """Return a range of parts for people."""
+    return f"{_parts(low)} to {_parts(high)}"
+
+
+def _parts(count: Any) -> str:
+    return f"{float(count):.0f}" if count >= 1 else f"{float(count):.2g}"
+
+
+def _parts_word(count: Any) -> str:
+    return "part" if count == 1 else "parts"
+
+
+def sentence(job: Job, advice: list[Advice]) -> str:
+    """Return the answer: settings, edge change, cost, limit, and what to measure.
+
+    The windows of speed, feed and depth are those of insert, grade and machine. The intervals of
+    parts and cost follow from the width of the tool life.
+    """
+    best = advice[0].plan
+    cuts = best.cuts
+    window = job.window
+    low_feed, high_feed = window.feeds
+    high_feed = min(high_feed, FEED_PER_NOSE * job.insert.nose_radius)
+    speed = f"{cuts.cutting_speed:.4g} m/min ({window.speeds[0]:.0f} to {window.speeds[1]:.0f})"
+    feed = f"{cuts.feed:.3g} mm/rev ({low_feed:.2g} to {high_feed:.2g})"
+    depth = f"{cuts.depth_of_cut:g} mm deep ({window.depths[0]:.2g} to {window.depths[1]:.2g})"
+    edge = (
+        f"{_parts(best.parts)} ({_between(best.parts_low, best.parts_high)}) "
+        f"{_parts_word(best.parts)} an edge"
+    )
+    unit = Prices.of(job.scenario).unit
+    cost = f"{money(best.cost)} {unit} a part ({money(best.cost_low)} to {money(best.cost_high)})"
+    narrowing = narrowings(job, best)[0]
+    return (
+        f"Cut {speed}, {feed}, {depth}: {edge}, {cost}; {_binding(job, advice[0])}; "
+        f"{UNMEASURED}: measure {narrowing.action}, which narrows {narrowing.gain}"
+    )
+
+
+def summary(job: Job, advice: list[Advice]) -> Iterator[str]:
+    """Yield lines of text: the answer, limits, a table, sources and assumptions."""
+    scenario = job.scenario
+    prices = Prices.of(scenario)
+    yield sentence(job, advice)
+    yield ""
+    for bound in advice[0].bounds:
+        owner = ", of the catalogue" if bound.name in job.window.catalogue_ends else ""
+        yield bound_sentence(bound._replace(limit=bound.limit + owner), prices.unit)
+    work = scenario.workpiece
+    yield (
+        f"{work.diameter:g} mm diameter, {work.bar_length:g} mm long; "
+        f"a minute costs {prices.minute:.3g} {prices.unit}, an edge {prices.edge:.3g} "
+        f"{prices.unit}; a change takes {prices.change_time:g} min"
+    )
+    yield ""
+    yield from table(scenario, advice)
+    yield ""
+    yield f"{UNMEASURED}:"
+    yield from (f"  {source}" for source in job.sources)
+    yield "assumed:"
+    yield from (f"  {assumption}" for assumption in job.assumptions)
+
+
+def toml_of(job: Job, out: Path) -> str:
+    """Return the job as a scenario's file, with its evidence; ``calibrate`` can take it as base."""
+    lines = [f"# Laws of a catalogue, not measured: {job.material.described}."]
+    lines += [f"# {line}" for line in (*job.sources, *job.assumptions)]
+    path = Path(job.machine)
+    base = os.path.relpath(path, out.parent) if path.suffix == ".toml" else job.machine
+    own = (*job.start.assumptions, *job.insert.assumptions, *job.window.assumptions)
+    evidence = job.evidence.model_copy(update={"warnings": own})
+    values = {"base": base} | job.values | {"calibration": evidence.model_dump(mode="json")}
+    return "\n".join(lines) + "\n\n" + tomli_w.dumps(values)
