@@ -92,6 +92,10 @@ class Belief:
         learns_laws: whether the laws are expected to have the errors that training jobs of the
             family ``shop`` have; else the nominal model is taken for true.
 
+    Attributes:
+        filter: the filter.
+        scenario: the nominal models side by side.
+
     Raises:
         ValueError: actions do not set speed and feed, or force is not measured.
     """
@@ -116,7 +120,7 @@ class Belief:
         for name, value in values[0].items():
             if isinstance(value, float) and name != _CHOICE:
                 self._numbers[name] = np.array([model[name] for model in values])
-        self._scenario = ScenarioBatch(values[0] | self._numbers, len(scenarios))
+        self.scenario = ScenarioBatch(values[0] | self._numbers, len(scenarios))
 
     def assign(self, env_index: int, number: int, scenario: Callable[[int], Scenario]) -> None:
         """Give an environment another nominal model and forget its estimates.
@@ -124,9 +128,18 @@ class Belief:
         Models are kept by their number.
         """
         if number not in self._models:
-            nominal = scenario(number)
-            self._models[number] = _values(nominal), model_of([nominal], self._errors)
-        values, model = self._models[number]
+            self._models[number] = self._known(scenario(number))
+        self._take(env_index, self._models[number])
+
+    def replace_model(self, env_index: int, nominal: Scenario) -> None:
+        """Give an environment another nominal model, as ``assign``, but do not keep the model."""
+        self._take(env_index, self._known(nominal))
+
+    def _known(self, nominal: Scenario) -> tuple[dict[str, Any], NominalModel]:
+        return _values(nominal), model_of([nominal], self._errors)
+
+    def _take(self, env_index: int, known: tuple[dict[str, Any], NominalModel]) -> None:
+        values, model = known
         for name, numbers in self._numbers.items():
             numbers[env_index] = values[name]
         self.filter.assign(env_index, model)
@@ -137,7 +150,7 @@ class Belief:
         Return ``ENTRIES`` of each.
         """
         believed = self.filter
-        scenario = self._scenario
+        scenario = self.scenario
         reading = read(observations[:, : self.entries], scenario)
         believed.observe(reading, mask)
         deviations = np.sqrt(np.maximum(np.diagonal(believed.covariance, axis1=1, axis2=2), 0.0))
@@ -172,7 +185,7 @@ class Belief:
 
     def _outlook(self, velocity: Array) -> Outlook:
         """Return the outlook after a step, in this bar and in the next; velocities in mm/s."""
-        distance = velocity * self._scenario.control.interval
+        distance = velocity * self.scenario.control.interval
         entering = np.broadcast_to([False, True], (len(velocity), 2))
         return self.filter.outlook(np.repeat(distance[:, np.newaxis], 2, axis=1), entering)
 
@@ -182,7 +195,7 @@ class Belief:
         ``log_wear``: nominal, over the wear criterion.
         """
         parameters = self.filter.parameters
-        limits = self._scenario.limits
+        limits = self.scenario.limits
         log_speed = log(reading.cutting_speed)
         log_feed = log(reading.feed)
         exponents = self.filter.exponents

@@ -95,15 +95,7 @@ class Optimiser(Policy):
         self._parameters = records([edge_value.numbers_of(model, severity) for model in scenarios])
         self._filter = LoadFilter(scenarios, num_envs, errors)
         self._times = self._times_ahead()
-
-        machine = self._scenario.machine
-        share_left = np.vectorize(decay)
-        speed_left = share_left(self._times, column(machine.spindle_time_constant))
-        feed_left = share_left(self._times, column(machine.feed_time_constant))
-        self._moments = np.empty(np.broadcast_shapes(speed_left.shape, feed_left.shape), MOMENT)
-        self._moments["time"] = self._times
-        self._moments["speed_left"] = speed_left
-        self._moments["feed_left"] = feed_left
+        self._moments = self._drive_moments()
 
     def reset(self, mask: Mask) -> None:
         self._filter.reset(mask)
@@ -177,6 +169,21 @@ class Optimiser(Policy):
         """
         middles = np.arange(POINTS) + 0.5
         return np.asarray(column(self._scenario.control.interval) * middles / POINTS)
+
+    def _drive_moments(self) -> Any:
+        """Return records of ``feed_search.MOMENT``, shape (1 or num_envs, points).
+
+        They hold what the drives leave of a change of speed and feed at ``_times_ahead``.
+        """
+        machine = self._scenario.machine
+        share_left = np.vectorize(decay)
+        speed_left = share_left(self._times, column(machine.spindle_time_constant))
+        feed_left = share_left(self._times, column(machine.feed_time_constant))
+        moments = np.empty(np.broadcast_shapes(speed_left.shape, feed_left.shape), MOMENT)
+        moments["time"] = self._times
+        moments["speed_left"] = speed_left
+        moments["feed_left"] = feed_left
+        return moments
 
     def _velocity(self, reading: Reading) -> Array:
         """Return the commanded feed velocity [mm/s], shape (num_envs,)."""

@@ -13,6 +13,7 @@ from baselines.guided import HOLD
 from train.agents.agent_file import MAX_NUMBER
 from train.run import current_names
 from train.training_information import (
+    IMITATION,
     LIFE_PRICE,
     MODEL_FREE,
     TRAINING_INPUTS,
@@ -40,6 +41,8 @@ CLASSES = {
     "model estimates from observations",
     "learned guide of a rule": "trained on observations, rewards and costs alone; sets two limits "
     "of a rule that has the nominal model",
+    "student of a rule": "trained to act as a rule does that has the nominal model; no hidden "
+    "state, no true law",
     "privileged agent": "trained with what no lathe reveals, such as true states or gradients of "
     "the true laws",
     "other agent": "its file does not state what training gave it",
@@ -66,8 +69,10 @@ def class_of(policy: PolicySpec) -> str:
     given = training_information(policy.parameters, policy.command)
     if given is None:
         return "other agent"
-    if not given <= MODEL_FREE:
+    if not given <= MODEL_FREE | IMITATION:
         return "privileged agent"
+    if given & IMITATION:
+        return "student of a rule"
     if _guides(policy.parameters):
         return "learned guide of a rule"
     return "agent on a belief" if policy.parameters.get("belief") is True else "model-free agent"

@@ -18,10 +18,14 @@ TRAINING_INPUTS = {
     "life price": "the price of edge life by dynamic programming, in place of the flat charge",
     "spreads": "how much hardness and depth of cut vary",
     "geometry": "length and diameter of the bars",
+    "rule's actions": "what a rule would do in each state that the student visits; the rule sees "
+    "observations and the nominal model",
 }
 """Inputs of a training beside observations, by name, in the order of tables."""
 MODEL_FREE = frozenset({"rewards", "overload share"})
 """Inputs that a real lathe has, too. A training with any other input is privileged."""
+IMITATION = frozenset({"rule's actions"})
+"""Inputs of a student that imitates a rule; a real lathe has them, too."""
 LIFE_PRICE = frozenset({"life price", "spreads"})
 """Inputs of a price of edge life p(D): dynamic programming needs the spreads."""
 

@@ -118,6 +118,11 @@ def test_terms_that_a_training_leaves_out_are_not_stated() -> None:
             agent(None, training_information=["rewards"]), "model-free agent", id="stated inputs"
         ),
         pytest.param(agent(PPO, training_information="all"), "other agent", id="no statement"),
+        pytest.param(
+            agent(None, training_information=["rule's actions"], belief=True),
+            "student of a rule",
+            id="imitation",
+        ),
         pytest.param(spec("rule"), "rule", id="rule"),
         pytest.param(spec("oracle", kind="oracle"), "oracle", id="oracle"),
     ],
