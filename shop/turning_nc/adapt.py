@@ -2,8 +2,8 @@
 
 Every F word, and every S word of a constant cutting speed, gets the constant value that makes the
 program shortest. The limits are the scenario's force and power with the edge worn as at its change,
-the machine's range, and the edges that the program used before. ``adaptable_words`` finds the
-words, ``word_search`` their values.
+the machine's range, and the edges that the program used before. Words that would hardly change
+stay. ``adaptable_words`` finds the words, ``word_search`` their values.
 """
 
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from turning_nc.adaptable_words import AdaptableWords, Change, Where
+from turning_nc.adaptable_words import MIN_CHANGE, AdaptableWords, Change, Where
 from turning_nc.cutting import FINISHING_DEPTH, Play, Situation, play
 from turning_nc.edges import change_wear
 from turning_nc.moves import run
@@ -26,6 +26,7 @@ with needed():
     from tqdm import tqdm
 
 LIFE_MARGIN = 0.998  # share of the allowed life that is planned for, as words are rounded
+MAX_REPLANS = 4  # as words are found that would hardly change
 EXCESS_COST = 1e6  # of an overload or of edges beyond those allowed, over their excess [s]
 
 
@@ -62,10 +63,10 @@ def adapt(
         NcError: no F word per revolution and no S word of a constant cutting speed can change.
     """
     planner = _Planner(situation, wear, where=where, life=life, finishing_depth=finishing_depth)
-    plan = planner.best_plan()
+    plan = planner.without_small_changes(planner.best_plan())
     before = planner.before
     original = situation.moves.program
-    text, changes = planner.words.written(plan.values, feed_before=plan.search.before.feed)
+    text, changes = plan.search.words.written(plan.values, feed_before=plan.search.before.feed)
     moves = run(divide(text, original.dialect), situation.moves.reading)
     if [move.path for move in moves.moves] != [move.path for move in situation.moves.moves]:
         raise NcError(
@@ -89,9 +90,16 @@ def adapt(
 class _Plan(NamedTuple):
     """Values of all words, and what they cost."""
 
-    cost: float  # time, and what exceeds limits at a high price [s]
+    wear: float  # at which edges are changed at the latest [mm]
+    time: float  # [s]
+    excess: float  # overload and edges beyond those allowed [-]
     search: WordSearch
     values: Values
+
+    @property
+    def cost(self) -> float:
+        """Time, and what exceeds limits at a high price [s]."""
+        return self.time + EXCESS_COST * self.excess
 
 
 class _Planner:
@@ -113,29 +121,52 @@ class _Planner:
         else:
             self._latest_wear = np.full(len(situation.tool), wear)
         self.before = play(situation, self._latest_wear)
-        self.words = AdaptableWords(situation, where, finishing_depth=finishing_depth)
+        self._words = AdaptableWords(situation, where, finishing_depth=finishing_depth)
 
     def best_plan(self) -> _Plan:
         """Return the best plan: with edges that are changed as before, or earlier."""
         latest = self._latest_wear.max()
-        best = self._plan(latest)
+        best = self._plan(self._words, latest)
         if self._is_wear_given:
             return best
         earlier_changes = CHANGES[::-1] * self._situation.scenario.tool.wear_criterion
         for wear in tqdm(earlier_changes, "adapting", unit="wear", leave=False, disable=None):
             if wear >= latest:
                 continue
-            plan = self._plan(wear)
+            plan = self._plan(self._words, wear)
             if plan.cost >= best.cost:
                 break
             best = plan
         return best
 
-    def _plan(self, wear: float) -> _Plan:
+    def without_small_changes(self, plan: _Plan) -> _Plan:
+        """Return a plan in which words that would hardly change stay, as far as limits allow.
+
+        The other words are planned again, which may leave more of them with a small change.
+        """
+        for _ in range(MAX_REPLANS):
+            changes = plan.search.words.small_changes(plan.values)
+            raised = [word for word, change in changes.items() if change > 0.0]
+            # A word that is lowered may be needed to keep a limit.
+            trial = self._keeping(plan, list(changes)) or self._keeping(plan, raised)
+            if trial is None:
+                break
+            plan = trial
+        return plan
+
+    def _keeping(self, plan: _Plan, stay: list[int]) -> _Plan | None:
+        """Return the plan with more words that stay; None if there are none, or it is worse."""
+        if not stay:
+            return None
+        trial = self._plan(plan.search.words.keeping(stay), plan.wear)
+        is_slower = trial.time > (1.0 + MIN_CHANGE) * plan.time
+        return None if is_slower or trial.excess > plan.excess else trial
+
+    def _plan(self, words: AdaptableWords, wear: float) -> _Plan:
         """Return the plan with edges that are changed at a wear at the latest [mm]."""
         situation = self._situation
         before = self.before
-        search = WordSearch(situation, self.words, wear=np.minimum(self._latest_wear, wear))
+        search = WordSearch(situation, words, wear=np.minimum(self._latest_wear, wear))
 
         # An edge that is changed earlier does fewer parts, so a part must use less of its life.
         life_ratio = search.before.life_at_change / before.life_at_change
@@ -149,8 +180,8 @@ class _Planner:
                 used = _used_edges(played, is_tool)
                 allowed = _used_edges(before, is_tool)
                 excess += max(float(used - self._life * allowed), 0.0)
-        cost = float(played.time.sum()) + EXCESS_COST * excess
-        return _Plan(cost, search, values=values)
+        time = float(played.time.sum())
+        return _Plan(wear, time, excess=excess, search=search, values=values)
 
 
 def _used_edges(played: Play, is_tool: NDArray[np.bool_]) -> float:

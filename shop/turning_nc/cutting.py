@@ -137,21 +137,6 @@ class Situation:
         highest = min(self.scenario.machine.feed_max, self.machine.max_feed)
         return max(highest, self.min_feed)
 
-    def is_finishing(self, slices: NDArray[np.int64], max_depth: float) -> bool:
-        """Return whether slices (their indices) finish.
-
-        They do if at most half of the path in metal is deeper than ``max_depth`` [mm], or if a
-        grooving tool cuts.
-        """
-        in_metal = slices[self.engaged[slices]]
-        length = self.removal.slices.length[in_metal]
-        is_deep = self.removal.slices.depth[in_metal] > max_depth
-        deep_length = float(length[is_deep].sum())
-        for tool in set(self.tool[in_metal].tolist()):
-            if self.removal.tools[tool].startswith("groove"):
-                return True
-        return deep_length <= 0.5 * float(length.sum())
-
 
 @dataclass(frozen=True)
 class Play:

@@ -181,7 +181,7 @@ class _SortedCuts:
         """Return the feed of a word that does not change [mm/rev]; NaN if it is chosen."""
         if word == NO_WORD:
             return 1.0  # sums are at the programmed feed
-        return self._search.words.finishing_feeds.get(word, math.nan)
+        return self._search.words.given_feeds.get(word, math.nan)
 
     def sums(self, speeds: Values) -> _Sums:
         """Return the sums at rows of speeds of all cuts."""
