@@ -31,6 +31,9 @@ FIRST_PLACES = 16  # for pieces; doubled when all are taken
 # between pieces. The fine one serves between cuts, so that areas of thin cuts keep nine digits.
 _GRID = 1e-9
 _FINE_GRID = 1e-11
+# Types of geometries as numbers: to look them up in the enumeration takes longer than a test.
+_POLYGON = int(shapely.GeometryType.POLYGON)
+_COLLECTION = int(shapely.GeometryType.GEOMETRYCOLLECTION)
 _NOWHERE = (np.inf, np.inf, -np.inf, -np.inf)  # bounds of a place without a piece
 
 
@@ -159,7 +162,7 @@ def _joined_group(pieces: list[Any]) -> list[Any]:
     if len(pieces) < 2:
         return pieces
     whole = shapely.union_all(pieces, grid_size=_FINE_GRID)
-    is_one = shapely.get_type_id(whole) == shapely.GeometryType.POLYGON
+    is_one = shapely.get_type_id(whole) == _POLYGON
     return [whole] if is_one else pieces
 
 
@@ -261,8 +264,10 @@ def _halves(polygon: Any) -> list[Any]:
 
 def _areas_of(geometry: Any) -> Any:
     """Return a geometry without the points and lines that it may hold beside polygons."""
-    is_collection = shapely.get_type_id(geometry) == shapely.GeometryType.GEOMETRYCOLLECTION
-    if is_collection:
+    kind = shapely.get_type_id(geometry)
+    if kind == _POLYGON:
+        return geometry
+    if kind == _COLLECTION:
         parts = shapely.get_parts(geometry)
         return shapely.union_all(parts[shapely.get_dimensions(parts) == 2])
     if shapely.get_dimensions(geometry) == 2:
