@@ -2,11 +2,11 @@
 
 python -m turning_control shield
 python -m turning_control demo
+python -m turning_control log opc.tcp://192.0.2.1:4840 --out log.csv
 """
 
 import argparse
 import logging
-import os
 import signal
 import sys
 from collections.abc import Callable
@@ -16,14 +16,8 @@ from pathlib import Path
 from turning_control import adversary, linuxcnc, measure, opcua
 from turning_control.core import Controller, on_control, safe_feed
 from turning_control.linuxcnc import LinuxCncError, find_policy
-from turning_control.opcua_security import (
-    KEY_PASSWORD,
-    MODES,
-    PASSWORD,
-    POLICIES,
-    Security,
-    read_password,
-)
+from turning_control.machine_log import command as machine_log
+from turning_control.security_options import add_security, security_of
 from turning_control.shield import LOG, Settings
 from turning_control.streams import standard_streams_taken
 
@@ -54,6 +48,12 @@ def main(arguments: list[str] | None = None) -> int:
     demo = command("demo", _demo, "run policies through LinuxCNC")
     serve = command("serve", _serve, "answer a HAL component's pins with a policy")
     linked = command("opcua", _opcua, "drive a control that serves OPC UA")
+    machine_log.add_log_options(
+        command("log", machine_log.log, "record a machine, read-only: OPC UA, MTConnect, LinuxCNC")
+    )
+    machine_log.add_cuts_options(
+        command("cuts", machine_log.find, "write the cuts of a record into a sheet for calibrate")
+    )
     plant = command("plant", _plant, "answer a HAL component's pins in place of a lathe")
 
     demo.add_argument(
@@ -80,7 +80,7 @@ def main(arguments: list[str] | None = None) -> int:
     linked.add_argument(
         "--nodes", type=Path, required=True, metavar="FILE", help="TOML file that names the nodes"
     )
-    _add_security(linked)
+    add_security(linked)
     plant.add_argument(
         "--log", type=Path, required=True, metavar="CSV", help="file for every cycle"
     )
@@ -173,44 +173,6 @@ def _add_scenario(parser: argparse.ArgumentParser) -> None:
         default="override",
         metavar="NAME",
         help="preset or TOML file (default: %(default)s)",
-    )
-
-
-def _add_security(parser: argparse.ArgumentParser) -> None:
-    """Add the options that protect an OPC UA connection."""
-    group = parser.add_argument_group(
-        "security",
-        "The program takes the safest connection that the server offers and these options allow.",
-    )
-    group.add_argument(
-        "--user", metavar="NAME", help="user on the server (default: anonymous, or the certificate)"
-    )
-    group.add_argument(
-        "--password-file",
-        type=Path,
-        metavar="FILE",
-        help=f"file whose first line is the password; otherwise ${PASSWORD} or a prompt",
-    )
-    group.add_argument(
-        "--certificate", type=Path, metavar="FILE", help="certificate of this program, PEM or DER"
-    )
-    group.add_argument(
-        "--key",
-        type=Path,
-        metavar="FILE",
-        help=f"its private key; ${KEY_PASSWORD} holds the key's password",
-    )
-    group.add_argument(
-        "--server-certificate",
-        type=Path,
-        metavar="FILE",
-        help="certificate of the server, the only one that is trusted",
-    )
-    group.add_argument(
-        "--security-policy", choices=POLICIES, metavar="NAME", help=f"one of {', '.join(POLICIES)}"
-    )
-    group.add_argument(
-        "--security-mode", choices=MODES, metavar="MODE", help=f"one of {', '.join(MODES)}"
     )
 
 
@@ -311,22 +273,12 @@ def _opcua(options: argparse.Namespace) -> int:
     scenario = _logged(options)
     policy = find_policy(options.policy, scenario, deadline=ANSWERED * scenario.control.interval)
     controller = Controller(on_control(scenario), policy)
-    security = Security(
-        user=options.user,
-        password=read_password(options.user, options.password_file),
-        certificate=options.certificate,
-        key=options.key,
-        key_password=os.environ.get(KEY_PASSWORD),
-        server_certificate=options.server_certificate,
-        policy=options.security_policy,
-        mode=options.security_mode,
-    )
     opcua.drive(
         controller,
         options.url,
         nodes=options.nodes,
         interval=scenario.control.interval,
-        security=security,
+        security=security_of(options),
     )
     return 0
 
