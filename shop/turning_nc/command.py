@@ -132,9 +132,11 @@ def _add_numbers(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--max-spindle",
         type=number_within(1.0, 1e5, unit="rev/min"),
-        default=4000.0,
         metavar="X",
-        help="highest spindle speed of the machine [rev/min] (default: %(default)g)",
+        help=(
+            "highest spindle speed of the machine [rev/min] "
+            "(default: spindle.max_speed of the scenario, or 4000)"
+        ),
     )
     parser.add_argument(
         "--rapid",
@@ -168,6 +170,12 @@ def _add_numbers(parser: argparse.ArgumentParser) -> None:
         type=number_within(0.05, 10.0, unit="mm"),
         metavar="X",
         help="nose radius of the inserts [mm]: the feed is at most half of it",
+    )
+    parser.add_argument(
+        "--roughness",
+        type=number_within(0.1, 1000.0, unit="um"),
+        metavar="X",
+        help="highest theoretical roughness Rt, feed^2 / (8 nose radius) [um] (default: none)",
     )
     parser.add_argument(
         "--finishing",

@@ -17,6 +17,7 @@ from turning_nc.kinds import DRILL
 from turning_nc.moves import Moves
 from turning_nc.removal import MIN_DEPTH, Removal
 from turning_shop import Values
+from turning_shop.allowed import feed_range
 from turning_shop.whatif import NO_LIMIT
 
 from turning_env.physics.spindle import capacity_at, idle_power_at
@@ -128,13 +129,13 @@ class Situation:
 
     @property
     def min_feed(self) -> float:
-        """Lowest feed to choose [mm/rev]."""
-        return self.scenario.machine.feed_min
+        """Lowest feed to choose [mm/rev]: that of ``turning_shop.allowed.feed_range``."""
+        return feed_range(self.scenario)[0]
 
     @property
     def max_feed(self) -> float:
-        """Highest feed to choose [mm/rev]: of the scenario's machine and of the inserts."""
-        highest = min(self.scenario.machine.feed_max, self.machine.max_feed)
+        """Highest feed to choose [mm/rev]: of ``feed_range``, and of the inserts."""
+        highest = min(feed_range(self.scenario)[1], self.machine.max_feed)
         return max(highest, self.min_feed)
 
 

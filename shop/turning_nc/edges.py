@@ -9,6 +9,7 @@ from turning_nc.cutting import Play, Situation, play, tool_life
 from turning_nc.words import at_lines
 from turning_shop import Values, prediction
 from turning_shop.advise import life_margin, whole_parts
+from turning_shop.allowed import feed_ends
 from turning_shop.prediction import Evidence
 from turning_shop.whatif import CHANGES
 
@@ -99,13 +100,13 @@ def outside(situation: Situation, played: Play) -> dict[str, NDArray[np.bool_]]:
         marked_time = np.bincount(situation.line, played.time * mark)
         share = marked_time / np.maximum(time_of_line, 1e-9)
         is_brief = share <= MAX_BRIEF
-        text = f"{name.replace('_', ' ')} outside the measured {measured}"
+        text = f"{name.replace('_', ' ')} outside the {evidence.range_name} {measured}"
         marks[text] = mark & ~is_brief[situation.line]
     return marks
 
 
 def beyond(situation: Situation, played: Play) -> list[str]:
-    """Return notes on cuts beyond what was measured, or above the machine's speed."""
+    """Return notes on cuts beyond what was measured, the machine's speed or the inserts' feed."""
     notes = []
     for text, mark in outside(situation, played).items():
         if mark.any():
@@ -119,5 +120,14 @@ def beyond(situation: Situation, played: Play) -> list[str]:
         notes.append(
             f"{at_lines(lines)}: cutting speeds up to {fastest:.0f} m/min are above "
             f"machine.cutting_speed_max, {max_speed:g} m/min"
+        )
+    end = feed_ends(situation.scenario)[0]
+    is_coarse = situation.engaged & (played.feed > (1.0 + SPEED_TOLERANCE) * end.feed)
+    if is_coarse.any():
+        coarsest = played.feed[is_coarse].max()
+        lines = situation.line[is_coarse].tolist()
+        notes.append(
+            f"{at_lines(lines)}: feeds up to {coarsest:.3g} mm/rev are above "
+            f"{end.feed:.3g} mm/rev, {end.reason}"
         )
     return notes

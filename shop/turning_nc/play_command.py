@@ -16,7 +16,7 @@ from turning_nc.plausibility import implausible
 from turning_nc.report import Row, Summary, changes, comparison, findings, rows, summary, table
 from turning_nc.words import NcError, PartProgram, naming, read_program_file
 from turning_shop import refuse_existing
-from turning_shop.allowed import FEED_PER_NOSE, limited_by_strength
+from turning_shop.allowed import limited_by_bar, limited_by_strength
 from turning_shop.prediction import Evidence
 from turning_shop.provenance import OF_PROGRAMS, load
 
@@ -91,7 +91,11 @@ class _Adaption:
 
 def _read_laws(options: argparse.Namespace) -> _Laws:
     loaded, evidence = load(
-        options.scenario, OF_PROGRAMS, nose_radius=options.nose_radius, is_simulated=False
+        options.scenario,
+        OF_PROGRAMS,
+        nose_radius=options.nose_radius,
+        is_simulated=False,
+        roughness=options.roughness,
     )
     scenario, strength_note = limited_by_strength(loaded)
     wear_criterion = scenario.tool.wear_criterion
@@ -142,15 +146,19 @@ def _play(options: argparse.Namespace, laws: _Laws) -> _Results:
     with naming(options.program):
         removed = removal.remove(run, polygon, tools)
     notes += removed.notes
+    low_z, _, high_z, radius = polygon.bounds
+    scenario, bar_note = limited_by_bar(laws.scenario, 2.0 * radius, length=high_z - low_z)
     situation = cutting.Situation(
-        laws.scenario,
-        _machine(options, laws.scenario),
+        scenario,
+        _machine(options, scenario),
         moves=run,
         removal=removed,
         evidence=laws.evidence,
     )
     played = cutting.play(situation, options.wear or edges.change_wear(situation))
     notes += laws.notes
+    if bar_note:
+        notes.append(bar_note)
     notes += edges.beyond(situation, played)
     return _Results(
         program=program,
@@ -164,13 +172,12 @@ def _play(options: argparse.Namespace, laws: _Laws) -> _Results:
 
 
 def _machine(options: argparse.Namespace, scenario: Scenario) -> cutting.Machine:
-    nose_radius = scenario.tool.nose_radius or math.inf
-    max_feed = options.max_feed or math.inf
+    max_spindle = options.max_spindle or scenario.spindle.max_speed
     return cutting.Machine(
-        max_spindle_speed=options.max_spindle,
+        max_spindle_speed=max_spindle or cutting.Machine.max_spindle_speed,
         rapid=options.rapid,
         tool_change=options.tool_change,
-        max_feed=min(max_feed, FEED_PER_NOSE * nose_radius),
+        max_feed=options.max_feed or math.inf,
     )
 
 

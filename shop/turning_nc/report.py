@@ -15,6 +15,7 @@ from turning_nc.dialects import with_line_feeds
 from turning_nc.edges import outside, parts_per_edge
 from turning_nc.finishing import Finishing
 from turning_nc.words import at_lines
+from turning_shop.allowed import needed_nose_radius, theoretical_roughness
 
 MIN_WASTE = 1.0  # time that a block must be able to save to be named [s]
 MAX_TEXT = 36  # characters of a block that are shown
@@ -40,6 +41,8 @@ class Summary:
     parts: dict[str, float]  # parts that 97.5 % of a tool's edges last: then they are changed
     change_wear: dict[str, float]  # flank wear at which it is changed at the latest, by tool [mm]
     extrapolated: tuple[str, ...]  # tools that cut outside of what was measured
+    # Theoretical roughness Rt of the highest feed in metal [um]; 0 if no nose radius is stated.
+    max_roughness: float = 0.0
 
     def lines(self) -> list[str]:
         """Return the totals as text."""
@@ -59,6 +62,8 @@ class Summary:
             )
         else:
             lines.append("limits of force and power are off")
+        if self.max_roughness > 0.0:
+            lines.append(f"highest theoretical roughness: Rt {self.max_roughness:.1f} um")
         for tool in self.parts:
             life = f"{100 * self.used_life[tool]:.2f} % of the tool life a part"
             lines.append(f"{tool}: {life}, {self.edge_change(tool)}")
@@ -107,7 +112,17 @@ def summary(situation: Situation, played: Play) -> Summary:
         parts=parts,
         change_wear=change_wear,
         extrapolated=tuple(extrapolated),
+        max_roughness=_max_roughness(situation, played),
     )
+
+
+def _max_roughness(situation: Situation, played: Play) -> float:
+    """Return the theoretical roughness of the highest feed in metal [um]; 0 if it is not known."""
+    nose_radius = situation.scenario.tool.nose_radius
+    if not nose_radius:
+        return 0.0
+    highest = float(played.feed[situation.engaged].max(initial=0.0))
+    return theoretical_roughness(highest, nose_radius)
 
 
 def _outside_measured(situation: Situation, played: Play) -> NDArray[np.bool_]:
@@ -144,7 +159,7 @@ def changes(changed: Sequence[Change], nose_radius: float | None) -> list[str]:
     for change in changed:
         roughness = ""
         if change.feeds and nose_radius:
-            depths = [f"{1000.0 * feed**2 / (8.0 * nose_radius):.1f}" for feed in change.feeds]
+            depths = [f"{theoretical_roughness(feed, nose_radius):.1f}" for feed in change.feeds]
             roughness = f" (theoretical roughness Rt {' -> '.join(depths)} um)"
         before = change.before or "new word"
         lines.append(f"  line {change.line}: {before} -> {change.after}{roughness}")
@@ -152,7 +167,8 @@ def changes(changed: Sequence[Change], nose_radius: float | None) -> list[str]:
     if highest and not nose_radius:
         # The feed is at most half of the nose radius, as with --nose-radius.
         lines.append(
-            f"  feeds up to {highest:.3g} mm/rev need a nose radius of {2.0 * highest:.2g} mm "
+            f"  feeds up to {highest:.3g} mm/rev need a nose radius of "
+            f"{needed_nose_radius(highest):.2g} mm "
             "or more: set that of your inserts, --nose-radius"
         )
     return lines

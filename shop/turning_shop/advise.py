@@ -13,11 +13,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from turning_shop import Values, WorkshopError, aligned
 from turning_shop.allowed import (
+    MAX_DEFLECTION,
     NO_STRENGTH,
     Allowed,
     allowed_loads,
     feed_range,
     needed_nose_radius,
+    theoretical_roughness,
 )
 from turning_shop.catalogue import UNMEASURED
 from turning_shop.fit import LEVEL
@@ -27,6 +29,7 @@ from turning_shop.whatif import CHANGES, NO_LIMIT, Cuts, what_if
 
 from turning_env.physics.spindle import capacity_at
 from turning_env.scenario import Scenario
+from turning_env.scenario.sections import FeedLimit
 
 MAX_SPEEDS = 120  # round cutting speeds that are tried
 MAX_FEEDS = 60  # round feeds that are tried
@@ -217,6 +220,7 @@ def advise(scenario: Scenario, evidence: Evidence) -> list[Advice]:
             f"no speed and feed keep {_loads_kept(scenario)} "
             f"with an edge worn to {tried.cuts.wear.min():g} mm: "
             f"reduce workpiece.depth_of_cut to about {_possible_depth(scenario, tried.cuts):.2g} mm"
+            f"{', or support the bar' if allowed_loads(scenario).by_deflection else ''}"
         )
     advice: list[Advice] = []
     for aim in AIMS:
@@ -305,8 +309,9 @@ class _Limit(NamedTuple):
 
     section: str
     name: str
-    unit: str
-    no_limit: float | None = None  # value that lifts a limit of load; None for an end of a range
+    unit: str = ""
+    # Value that lifts a limit of load; None for an end of a range.
+    no_limit: float | str | None = None
     widening: float = 1.0  # factor that moves an end of a range
 
 
@@ -314,6 +319,7 @@ _LOAD_LIMITS = (
     _Limit("limits", "power", "kW", no_limit=NO_LIMIT["power"]),
     _Limit("limits", "thrust_force", "N", no_limit=NO_LIMIT["thrust_force"]),
     _Limit("tool", "edge_strength", "N", no_limit=NO_STRENGTH),
+    _Limit("workpiece", "support", no_limit="rigid"),
 )
 _RANGE_ENDS = (
     _Limit("spindle", "max_speed", "rev/min", widening=1.0 + WIDER),
@@ -322,6 +328,7 @@ _RANGE_ENDS = (
     _Limit("machine", "feed_min", "mm/rev", widening=1.0 - WIDER),
     _Limit("machine", "feed_max", "mm/rev", widening=1.0 + WIDER),
     _Limit("tool", "nose_radius", "mm", widening=1.0 + WIDER),
+    _Limit("limits", "roughness", widening=1.0 + WIDER),
 )
 # The window of the chip breaker counts only if chips tangle outside it.
 _CHIP_WINDOW = (
@@ -338,17 +345,18 @@ def _bounds(scenario: Scenario, evidence: Evidence, aim: str, best: Plan) -> Ite
     objective = _objective(best, aim)
     for limit in limits:
         lifted = _lifted(scenario, limit)
+        if lifted == scenario:
+            continue  # the limit is off
         better = best_plan(lifted, evidence, tried_plans(lifted, evidence), aim=aim)
         if not better or objective - _objective(better, aim) <= BINDS * abs(objective):
             continue
         is_load = limit.no_limit is not None
         if not is_load and _in_range(scenario, better.cuts):
             continue  # better only because a wider range has other round numbers
-        value = getattr(getattr(scenario, limit.section), limit.name)
         name = f"{limit.section}.{limit.name}"
         yield Bound(
             name,
-            limit=f"{name}, {value:g} {limit.unit}",
+            limit=f"{name}, {_shown_value(scenario, limit, best.cuts)}",
             law=_law_known(limit, evidence) if is_load else "",
             without=better,
         )
@@ -357,11 +365,32 @@ def _bounds(scenario: Scenario, evidence: Evidence, aim: str, best: Plan) -> Ite
 def _lifted(scenario: Scenario, limit: _Limit) -> Scenario:
     """Return a scenario without a limit of load, or with a range wider by ``WIDER``."""
     section = getattr(scenario, limit.section)
-    value = limit.no_limit
+    value: Any = limit.no_limit
     if value is None:
-        value = limit.widening * getattr(section, limit.name)
+        value = getattr(section, limit.name)
+        if isinstance(value, FeedLimit):
+            if value.bounds:
+                value = value.model_copy(update={"most": limit.widening * value.most})
+        else:
+            value = limit.widening * value
     changed = section.model_copy(update={limit.name: value})
     return scenario.model_copy(update={limit.section: changed})
+
+
+def _shown_value(scenario: Scenario, limit: _Limit, cuts: Cuts) -> str:
+    """Return the value of a limit for people."""
+    value = getattr(getattr(scenario, limit.section), limit.name)
+    if limit.name == "support":
+        force = allowed_loads(scenario).thrust_force
+        return f"{value}, whose bar bends by {MAX_DEFLECTION:g} mm at {force:.0f} N"
+    if isinstance(value, FeedLimit):
+        return f"{1000 * value.most:g} um"
+    text = f"{value:g} {limit.unit}"
+    capacity = float(capacity_at(scenario, cuts.cutting_speed))
+    if limit.name == "power" and capacity < 1.0:
+        turns = float(cuts.spindle_speed)
+        text += f" ({value * capacity:.3g} kW at {turns:.0f} rev/min, below spindle.base_speed)"
+    return text
 
 
 def _in_range(scenario: Scenario, cuts: Cuts) -> bool:
@@ -376,8 +405,8 @@ def _in_range(scenario: Scenario, cuts: Cuts) -> bool:
 
 def _law_known(limit: _Limit, evidence: Evidence) -> str:
     """Return what is known of the law of a load, for people."""
-    # Edges break by the thrust force.
-    law = "thrust_force" if limit.name == "edge_strength" else limit.name
+    # Edges break, and bars bend, by the thrust force.
+    law = limit.name if limit.name == "power" else "thrust_force"
     known = evidence.known(law)
     return f"its law is from a {known}" if known == UNMEASURED else f"its law was {known}"
 
@@ -393,6 +422,9 @@ def _loads_kept(scenario: Scenario) -> str:
         loads.append(f"limits.power, {limits.power:g} kW,")
     if strength < NO_STRENGTH:
         loads.append(f"tool.edge_strength, {strength:g} N,")
+    allowed = allowed_loads(scenario)
+    if allowed.by_deflection:
+        loads.append(f"the {allowed.thrust_force:.0f} N that bend the bar, workpiece.support,")
     return " and ".join(loads)
 
 
@@ -456,12 +488,23 @@ def headline(scenario: Scenario, evidence: Evidence, advice: list[Advice]) -> It
         yield bound_sentence(bound, unit)
     if not advice[0].bounds:
         yield "No limit rules out a cheaper cut: time and edges are in balance"
-    if not scenario.tool.nose_radius:
-        radius = needed_nose_radius(float(best.cuts.feed))
-        yield (
-            f"{best.cuts.feed:.4g} mm/rev needs a nose radius of {radius:.2g} mm or more, "
-            "but none is stated: set tool.nose_radius or --nose-radius"
+    yield surface(scenario, best)
+
+
+def surface(scenario: Scenario, best: Plan) -> str:
+    """Return a sentence on the surface that the nose radius leaves, or on the radius needed."""
+    feed = float(best.cuts.feed)
+    radius = scenario.tool.nose_radius
+    if radius:
+        roughness = theoretical_roughness(feed, radius)
+        return (
+            f"{feed:.4g} mm/rev and a nose radius of {radius:g} mm leave a theoretical roughness "
+            f"Rt of {roughness:.1f} um"
         )
+    return (
+        f"{feed:.4g} mm/rev needs a nose radius of {needed_nose_radius(feed):.2g} mm or more, "
+        "but none is stated: set tool.nose_radius or --nose-radius"
+    )
 
 
 def bound_sentence(bound: Bound, unit: str) -> str:

@@ -1,12 +1,13 @@
 """Compute which feeds and loads advice allows: one rule for all commands.
 
 Feeds lie in the machine's range, below half the nose radius, and in the chip breaker's window if
-chips can tangle.
+chips can tangle. If a roughness is stated, they keep it.
 
 Loads are those of a bar of nominal depth and hardness. If the scenario says that bars vary, a load
 stays so far below its limit that such bars exceed it in no more than the allowed share of the time.
 If the scenario states the strength of edges, the thrust force stays so far below it that edges
-hardly ever break.
+hardly ever break. If it states how the bar is held, the force bends the bar by no more than
+``MAX_DEFLECTION``.
 """
 
 import math
@@ -21,9 +22,17 @@ from turning_shop.whatif import NO_LIMIT, Cuts
 from turning_env.numerics.wear_term import term_of_factor, wear_term_slope
 from turning_env.physics.spindle import capacity_at
 from turning_env.scenario import Scenario
+from turning_env.scenario.sections import FeedLimit
 
 FEED_PER_NOSE = 0.5
 """Highest feed over the nose radius [-] (assumption: a rule of thumb for roughing)."""
+MAX_DEFLECTION = 0.1
+"""Largest deflection of the bar at the tool [mm] (assumption for roughing)."""
+SLENDER = {"chuck": 3.0, "tailstock": 8.0}
+"""Length over diameter above which bars often chatter, by their support [-].
+
+Assumption: rules of thumb of the workshop.
+"""
 NO_STRENGTH = 1e6
 """Edge strength [N] that counts as none stated: the largest that a scenario may have.
 
@@ -38,26 +47,65 @@ each of seven scenarios; at 2.0, up to 9 did.
 LASTING_DEVIATIONS = 1.96
 """Standard deviations of edges by which the change comes early [-]: 97.5 % last."""
 MIN_ALLOWANCE = 1e-4  # smallest share of time in overload that a margin is computed for [-]
+PLACES = 201  # along the bar at which its deflection is computed
 MOMENTS = 200  # moments of an edge's life at which the share of time in overload is computed
+
+
+class FeedEnd(NamedTuple):
+    """An upper end of the feeds."""
+
+    feed: float  # [mm/rev]
+    reason: str  # for people
+
+
+def feed_ends(scenario: Scenario) -> list[FeedEnd]:
+    """Return the upper ends of the feeds, the lowest first."""
+    _, by_machine = scenario.feed_range
+    ends = [FeedEnd(float(by_machine), "the end of the machine's range or of the chip window")]
+    radius = scenario.tool.nose_radius
+    if radius:
+        ends.append(FeedEnd(FEED_PER_NOSE * radius, f"half of tool.nose_radius, {radius:g} mm"))
+    limit = scenario.limits.roughness
+    if limit.bounds and limit.feed > 0.0:
+        at_unit_feed = limit(1.0, 1.0, scenario.workpiece.depth_of_cut)
+        feed = float((limit.most / at_unit_feed) ** (1.0 / limit.feed))
+        ends.append(FeedEnd(feed, f"limits.roughness, {1000 * limit.most:g} um"))
+    return sorted(ends)
 
 
 def feed_range(scenario: Scenario) -> tuple[float, float]:
     """Return the lowest and the highest feed that advice may choose [mm/rev].
 
     Raises:
-        WorkshopError: The nose radius allows no feed of the machine.
+        WorkshopError: No feed of the machine is left.
     """
-    low, high = scenario.feed_range
-    radius = scenario.tool.nose_radius
-    if radius:
-        high = min(high, FEED_PER_NOSE * radius)
-    if low >= high:
+    low, _ = scenario.feed_range
+    end = feed_ends(scenario)[0]
+    if low >= end.feed:
         raise WorkshopError(
-            f"no feed is left: feeds begin at {low:g} mm/rev and end at {high:g} mm/rev, "
-            "by the machine's range, the window of chips if swarf.tangle_rate is above 0, "
-            f"and half of tool.nose_radius, which is {radius:g} mm (0: unknown)"
+            f"no feed is left: feeds begin at {low:g} mm/rev, by machine.feed_min or the window of "
+            f"chips, and end at {end.feed:.3g} mm/rev, by {end.reason}"
         )
-    return float(low), float(high)
+    return float(low), end.feed
+
+
+def theoretical_roughness(feed: float, nose_radius: float) -> float:
+    """Return Rt = f^2 / (8 r) [um] at a feed [mm/rev] and a nose radius [mm]."""
+    return 1000.0 * feed**2 / (8.0 * nose_radius)
+
+
+def with_roughness(scenario: Scenario, roughness: float) -> Scenario:
+    """Return a scenario that limits the theoretical roughness Rt [um].
+
+    Raises:
+        WorkshopError: The nose radius is not stated.
+    """
+    radius = scenario.tool.nose_radius
+    if not radius:
+        raise WorkshopError("--roughness needs the nose radius: --nose-radius or tool.nose_radius")
+    limit = FeedLimit(coefficient=1.0 / (8.0 * radius), feed=2.0, most=roughness / 1000.0)
+    limits = scenario.limits.model_copy(update={"roughness": limit})
+    return scenario.model_copy(update={"limits": limits})
 
 
 def needed_nose_radius(feed: float) -> float:
@@ -75,6 +123,7 @@ class Allowed(NamedTuple):
     power: float  # [kW], at and above the spindle's base speed
     overload_factors: dict[str, float]  # of limits that are on: the allowed load over the limit [-]
     by_strength: bool  # whether the thrust force is bound by the strength of edges
+    by_deflection: bool  # whether it is bound by the deflection of the bar
 
     def keeps(self, scenario: Scenario, cuts: Cuts) -> NDArray[np.bool_]:
         """Return which cuts keep the loads and the wear criterion."""
@@ -101,12 +150,37 @@ def allowed_loads(scenario: Scenario) -> Allowed:
         bearable = tool.edge_strength * math.exp(-STRENGTH_DEVIATIONS * spread)
         by_strength = bearable < force
         force = min(force, bearable)
+    work = scenario.workpiece
+    bending = bending_force(scenario, diameter=work.diameter, length=work.bar_length)
+    by_deflection = bending < force
     return Allowed(
-        thrust_force=force,
+        thrust_force=min(force, bending),
         power=loads.get("power", math.inf),
         overload_factors=factors,
-        by_strength=by_strength,
+        by_strength=by_strength and not by_deflection,
+        by_deflection=by_deflection,
     )
+
+
+def bending_force(scenario: Scenario, diameter: float, length: float) -> float:
+    """Return the thrust force that bends a bar by ``MAX_DEFLECTION`` [N]; infinite if it is rigid.
+
+    The bar is solid, with a diameter and a free length [mm]. Beam theory, as in
+    ``turning_env.physics.slender_bar``: the deflection per radial force is a^3 / (3 E I) at a
+    distance a to the chuck, with a tailstock times b^2 (3 a + 4 b) / (4 L^3), with b = L - a.
+    """
+    work = scenario.workpiece
+    if work.support == "rigid":
+        return math.inf
+    from_chuck = np.linspace(0.0, 1.0, PLACES)  # over the length
+    compliance = from_chuck**3
+    if work.support == "tailstock":
+        from_tail = 1.0 - from_chuck
+        compliance = compliance * from_tail**2 * (3.0 * from_chuck + 4.0 * from_tail) / 4.0
+    inertia = math.pi * diameter**4 / 64.0
+    flexibility = length**3 / (3.0 * work.elastic_modulus * inertia)
+    largest = flexibility * float(compliance.max()) * work.radial_share
+    return MAX_DEFLECTION / largest if largest > 0.0 else math.inf
 
 
 def limited_by_strength(scenario: Scenario) -> tuple[Scenario, str]:
@@ -123,6 +197,29 @@ def limited_by_strength(scenario: Scenario) -> tuple[Scenario, str]:
     note = (
         f"the thrust force is limited to {allowed.thrust_force:.0f} N: "
         f"{strength}, and bars and edges vary"
+    )
+    return scenario.model_copy(update={"limits": limits}), note
+
+
+def limited_by_bar(scenario: Scenario, diameter: float, length: float) -> tuple[Scenario, str]:
+    """Return a scenario that limits the thrust force by a bar's deflection, and a note on it.
+
+    The scenario is unchanged and the note is empty if it is a preset, if no file states how the bar
+    is held, or if the limit of the thrust force is lower.
+
+    Args:
+        scenario: the machine and how it holds the bar.
+        diameter: of the bar [mm].
+        length: free length of the bar [mm].
+    """
+    force = bending_force(scenario, diameter=diameter, length=length)
+    if scenario.file is None or force >= scenario.limits.thrust_force:
+        return scenario, ""
+    limits = scenario.limits.model_copy(update={"thrust_force": force})
+    note = (
+        f"the thrust force is limited to {force:.0f} N, which bends a bar of {diameter:g} mm "
+        f"diameter and {length:g} mm length by {MAX_DEFLECTION:g} mm: workpiece.support, "
+        f"{scenario.workpiece.support}"
     )
     return scenario.model_copy(update={"limits": limits}), note
 

@@ -333,7 +333,7 @@ def _print_table(cuts: whatif.Cuts, prediction: "Prediction | None", evidence: "
 
 def _warn_of_settings(scenario: Scenario, speeds: Sequence[float], feeds: Sequence[float]) -> None:
     """Print a warning if a setting is outside the machine's range or that of the insert."""
-    from turning_shop.allowed import feed_range
+    from turning_shop.allowed import feed_ends, feed_range
 
     machine = scenario.machine
     _warn_of_range(
@@ -347,8 +347,7 @@ def _warn_of_settings(scenario: Scenario, speeds: Sequence[float], feeds: Sequen
     _, highest = feed_range(scenario)
     if highest < max(feeds) <= machine.feed_max:
         _warn(
-            f"--feed {max(feeds):g} is above {highest:g} mm/rev: "
-            "half of tool.nose_radius, or the end of the chip breaker's window"
+            f"--feed {max(feeds):g} is above {highest:.4g} mm/rev: {feed_ends(scenario)[0].reason}"
         )
 
 
@@ -363,9 +362,14 @@ def _warn_of_range(
 
 def _warn_of_breakage(scenario: Scenario, cuts: whatif.Cuts) -> None:
     """Print a warning if a thrust force is above the one that edges hardly ever break at."""
-    from turning_shop.allowed import allowed_loads
+    from turning_shop.allowed import MAX_DEFLECTION, allowed_loads
 
     allowed = allowed_loads(scenario)
+    if allowed.by_deflection and np.any(cuts.thrust_force > allowed.thrust_force):
+        _warn(
+            f"the bar bends by more than {MAX_DEFLECTION:g} mm above a thrust of "
+            f"{allowed.thrust_force:.0f} N: workpiece.support, {scenario.workpiece.support}"
+        )
     if allowed.by_strength and np.any(cuts.thrust_force > allowed.thrust_force):
         _warn(
             f"edges may break: thrust above {allowed.thrust_force:.0f} N, "
@@ -588,6 +592,8 @@ def _job(options: argparse.Namespace) -> "start.Job | None":
             "--material 42CrMo4 --tool CNMG120408-PM --grade P25 --stock 80x200 --depth 2; "
             f"missing: {', '.join(missing)}"
         )
+    if options.nose_radius:
+        raise WorkshopError(f"leave out --nose-radius: the insert {options.tool} states it")
     if options.out and options.out.suffix != ".toml":
         raise WorkshopError(f"--out is {options.out}, but a scenario's name must end in .toml")
     question = start.Question(
@@ -599,6 +605,8 @@ def _job(options: argparse.Namespace) -> "start.Job | None":
         machine=options.machine or "rough_turning",
         start_speed=options.start_speed,
         feeds=options.feeds,
+        roughness=options.roughness,
+        support=options.support,
     )
     return start.job_of(question)
 
@@ -620,6 +628,7 @@ _CATALOGUE_OPTIONS = (
     "machine",
     "start-speed",
     "feeds",
+    "support",
     "out",
 )
 """Options of a job without a scenario."""
@@ -660,6 +669,11 @@ def _add_catalogue_options(parser: argparse.ArgumentParser) -> None:
         type=_feed_window,
         metavar="LOW-HIGH",
         help="window of feed of the box [mm/rev] (default: by the chip breaker's letter)",
+    )
+    add(
+        "--support",
+        choices=("chuck", "tailstock", "rigid"),
+        help="how the bar is held (default: workpiece.support of the machine's file, or chuck)",
     )
     add("--out", type=Path, metavar="TOML", help="scenario to write, for map, whatif, program")
 
@@ -738,7 +752,9 @@ def _load(options: argparse.Namespace) -> "tuple[Scenario, Evidence]":
     """Load a scenario for advice, and print its warnings."""
     from turning_shop.provenance import load
 
-    scenario, evidence = load(options.scenario, nose_radius=options.nose_radius)
+    scenario, evidence = load(
+        options.scenario, nose_radius=options.nose_radius, roughness=options.roughness
+    )
     for warning in evidence.warnings:
         _warn(warning)
     return scenario, evidence
@@ -764,6 +780,12 @@ def _add_nose_radius(parser: argparse.ArgumentParser) -> None:
             "nose radius of the inserts [mm]: the feed is at most half of it "
             "(default: tool.nose_radius)"
         ),
+    )
+    parser.add_argument(
+        "--roughness",
+        type=number_within(0.1, 1000.0, unit="um"),
+        metavar="X",
+        help="highest theoretical roughness Rt, feed^2 / (8 nose radius) [um] (default: none)",
     )
 
 

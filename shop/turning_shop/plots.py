@@ -18,7 +18,12 @@ from matplotlib.ticker import LogLocator, MaxNLocator
 from numpy.typing import NDArray
 from turning_shop import Values
 from turning_shop.advise import Advice, Plan, headline, summary
-from turning_shop.allowed import allowed_loads, feed_range
+from turning_shop.allowed import (
+    MAX_DEFLECTION,
+    allowed_loads,
+    feed_range,
+    theoretical_roughness,
+)
 from turning_shop.fit import SETTINGS
 from turning_shop.prediction import Evidence, predict
 from turning_shop.whatif import NO_LIMIT, Cuts, what_if
@@ -133,7 +138,14 @@ def draw_map_on(
     _draw_tool_life(axes, cuts)
     limit_handles = _draw_load_limits(axes, cuts, scenario, evidence)
     limit_handles += _draw_strength_limit(axes, cuts, scenario)
-    _mark(axes, cuts, kept=kept, extrapolated=extrapolated, advised=advised)
+    _mark(
+        axes,
+        cuts,
+        kept=kept,
+        extrapolated=extrapolated,
+        advised=advised,
+        nose_radius=scenario.tool.nose_radius,
+    )
 
     axes.set(xlabel="cutting speed [m/min]", ylabel="feed [mm/rev]")
     bar = "nominal hardness" if hardness == 1 else f"{hardness:g} times nominal hardness"
@@ -274,7 +286,7 @@ def _kept(scenario: Scenario, cuts: Cuts) -> NDArray[np.bool_]:
     """
     kept = cuts.within_limits
     allowed = allowed_loads(scenario)
-    if allowed.by_strength:
+    if allowed.by_strength or allowed.by_deflection:
         kept = kept & (cuts.thrust_force <= allowed.thrust_force)
     return np.asarray(kept)
 
@@ -380,13 +392,15 @@ def _draw_load_limits(
 
 
 def _draw_strength_limit(axes: Axes, cuts: Cuts, scenario: Scenario) -> list[Line2D]:
-    """Draw where edges may break, if their strength is stated; return its legend handle."""
+    """Draw where edges may break or the bar bends too far, if stated; return its legend handle."""
     allowed = allowed_loads(scenario)
-    if not allowed.by_strength:
+    if not (allowed.by_strength or allowed.by_deflection):
         return []
     share = cuts.thrust_force / allowed.thrust_force
     _draw_limit(axes, cuts, share, colour=VERMILLION, dashes="-.")
     label = f"edges may break above {allowed.thrust_force:.0f} N"
+    if allowed.by_deflection:
+        label = f"the bar bends by {MAX_DEFLECTION:g} mm at {allowed.thrust_force:.0f} N"
     return [_limit_handle(label, VERMILLION, "-.")]
 
 
@@ -436,6 +450,7 @@ def _mark(
     kept: NDArray[np.bool_],
     extrapolated: NDArray[np.bool_],
     advised: Plan | None,
+    nose_radius: float,
 ) -> None:
     """Mark the advised cut, or the highest removal rate within limits, with a star if extrapolated.
 
@@ -459,6 +474,8 @@ def _mark(
     is_upper = feed > cuts.feed.mean()
     settings = f"{speed:.0f} m/min, {feed:.3g} mm/rev"
     results = f"{cut.removal_rate:.0f} cm³/min, tool life {cut.tool_life:.3g} min"
+    if nose_radius:
+        results += f", Rt {theoretical_roughness(feed, nose_radius):.0f} µm"
     axes.annotate(
         f"{settings}:\n{results}{star}",
         (speed, feed),

@@ -92,6 +92,11 @@ class Evidence(BaseModel, frozen=True, allow_inf_nan=False):
         origins = {law.origin for law in self.laws.values()}
         return "in the catalogue" if origins == {"catalogue"} else "measured"
 
+    @property
+    def range_name(self) -> str:
+        """Adjective for the range of its laws, for people: "measured", or "catalogue's"."""
+        return "measured" if self.origins == "measured" else "catalogue's"
+
     def known(self, name: str) -> str:
         """Return what is known of a law, for people."""
         if name not in self.laws:

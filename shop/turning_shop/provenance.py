@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 from pydantic import BaseModel
-from turning_shop.allowed import NO_STRENGTH
+from turning_shop.allowed import NO_STRENGTH, SLENDER, with_roughness
 from turning_shop.catalogue import UNMEASURED
 from turning_shop.fit import FACTORS
 from turning_shop.prediction import Evidence, read_evidence
@@ -83,16 +83,14 @@ BEYOND_ADVICE = (
     "workpiece.depth_profile",
     "workpiece.section_",
     "workpiece.depth_ripple",
-    "workpiece.support",
     "limits.radial_force.",
     "limits.torque.",
-    "limits.roughness.",
 )
 """Beginnings of names of values that the simulation plays and advice does not know.
 
 Their defaults are neutral.
 """
-_OFF_BY_DEFAULT = (*BEYOND_ADVICE, "spindle.")
+_OFF_BY_DEFAULT = (*BEYOND_ADVICE, "spindle.", "workpiece.support", "limits.roughness.")
 NEEDED_BY = {
     "limits.power": ("limits.overload_tolerance", "limits.overload_allowance"),
     "limits.thrust_force": ("limits.overload_tolerance", "limits.overload_allowance"),
@@ -100,6 +98,7 @@ NEEDED_BY = {
     "spindle.short_time_load": ("spindle.thermal_time_constant",),
     "workpiece.depth_along_spread": ("workpiece.depth_correlation_length",),
     "workpiece.hardness_along_spread": ("workpiece.hardness_correlation_length",),
+    "workpiece.support": ("workpiece.elastic_modulus", "workpiece.radial_share"),
     "machine.chatter": ("machine.chatter_speed", "machine.chatter_width"),
     "swarf.tangle_rate": (
         "swarf.tangle_time",
@@ -139,15 +138,21 @@ def load(
     needed: Mapping[str, str] = OF_ADVICE,
     nose_radius: float | None = None,
     is_simulated: bool = True,
+    roughness: float | None = None,
 ) -> tuple[Scenario, Evidence]:
     """Return a scenario and the evidence for its laws.
 
-    Warnings of the evidence name every number that no file states and no cut measured. ``needed``
-    are the values that are needed, with their units. A preset's own values count as stated. In a
-    file based on a preset, what advice can do without is off unless the file states it. A law of
-    wear that is the preset's gets the exponent of speed that catalogues state. ``nose_radius`` [mm]
-    replaces that of the scenario. Warnings leave out how bars and edges differ if they are not
-    simulated.
+    Warnings of the evidence name every number that no file states and no cut measured. A preset's
+    own values count as stated. In a file based on a preset, what advice can do without is off
+    unless the file states it. A law of wear that is the preset's gets the exponent of speed that
+    catalogues state.
+
+    Args:
+        source: preset, file or values.
+        needed: the values that are needed, with their units.
+        nose_radius: of the inserts [mm]; it replaces that of the scenario.
+        is_simulated: whether warnings say how bars and edges differ.
+        roughness: highest theoretical roughness Rt [um].
     """
     scenario = Scenario.load(source)
     if nose_radius is not None:
@@ -158,11 +163,16 @@ def load(
         # Only a user names a preset; programs give a scenario or its values.
         if isinstance(source, str):
             warnings += _preset_warnings(scenario, is_simulated)
-        return scenario, evidence.model_copy(update={"warnings": tuple(warnings)})
-
-    values, preset = stated_by(scenario.file)
-    stated = Stated(set(flat(values)), preset)
-    return for_advice(scenario, evidence, stated, needed=needed, is_simulated=is_simulated)
+        evidence = evidence.model_copy(update={"warnings": tuple(warnings)})
+    else:
+        values, preset = stated_by(scenario.file)
+        stated = Stated(set(flat(values)), preset)
+        scenario, evidence = for_advice(
+            scenario, evidence, stated, needed=needed, is_simulated=is_simulated
+        )
+    if roughness is not None:
+        scenario = with_roughness(scenario, roughness)
+    return scenario, evidence
 
 
 class Stated(NamedTuple):
@@ -189,6 +199,8 @@ def for_advice(
         warnings.append(f"not stated in your files, but taken from the preset {preset}: {names}")
     warnings += _law_warnings(scenario, evidence, stated, preset)
     warnings += _off_limits(scenario)
+    if "workpiece.bar_length" in needed:
+        warnings += _slender(scenario, stated)
     if is_simulated:
         warnings += _even(scenario, stated)
         if effects:
@@ -315,7 +327,7 @@ def _assumed(scenario: Scenario, stated: set[str], needed: Mapping[str, str]) ->
 def _is_on(scenario: Scenario, switch: str) -> bool:
     """Return whether a value on which others depend has an effect."""
     no_limit = NO_LIMIT.get(switch.removeprefix("limits."))
-    return attrgetter(switch)(scenario) not in (0.0, no_limit)
+    return attrgetter(switch)(scenario) not in (0.0, no_limit, "rigid")
 
 
 def _law_warnings(
@@ -350,6 +362,23 @@ def _off_limits(scenario: Scenario) -> Iterator[str]:
     for name, no_limit in NO_LIMIT.items():
         if getattr(scenario.limits, name) == no_limit:
             yield f"limits.{name} is off: your files do not state it"
+
+
+def _slender(scenario: Scenario, stated: set[str]) -> Iterator[str]:
+    """Yield a warning if the bar is long for how it is held, or if no file states how."""
+    work = scenario.workpiece
+    ratio = work.bar_length / work.diameter
+    if "workpiece.support" not in stated:
+        if ratio > SLENDER["chuck"]:
+            yield (
+                f"the bar is {ratio:.1f} diameters long, but your files do not state "
+                "workpiece.support, chuck or tailstock: bars do not bend"
+            )
+    elif work.support != "rigid" and ratio > SLENDER[work.support]:
+        yield (
+            f"the bar is {ratio:.1f} diameters long, held by workpiece.support, {work.support}: "
+            f"above {SLENDER[work.support]:g} diameters bars often chatter, as a rule of thumb"
+        )
 
 
 def _even(scenario: Scenario, stated: set[str]) -> Iterator[str]:

@@ -24,10 +24,11 @@ from turning_shop.advise import (
     bound_sentence,
     money,
     plan,
+    surface,
     table,
     tried_plans,
 )
-from turning_shop.allowed import FEED_PER_NOSE
+from turning_shop.allowed import feed_ends, feed_range, with_roughness
 from turning_shop.catalogue import UNMEASURED, groups, inserts, laws, materials
 from turning_shop.catalogue.groups import FORCE_DEVIATION
 from turning_shop.catalogue.inserts import Insert, read_insert
@@ -48,6 +49,18 @@ from turning_env.scenario import Scenario
 from turning_env.scenario.scenario import flat, merged
 
 QUANTILE = 1.96  # half the 95 % interval over the standard deviation [-]
+MODULI = {
+    "P": 210e3,
+    "M": 200e3,
+    "K": 110e3,
+    "N": 70e3,
+    "S": 114e3,
+}
+"""Modulus of elasticity by group of ISO 513 [N/mm2].
+
+Handbooks: steel, austenitic steel, grey iron, aluminium, titanium. Nodular iron and nickel alloys
+are stiffer, so that their bars bend less.
+"""
 UNREACHED = 0.5
 """Lowest over highest value of a range that the machine, or the nose radius, ends (assumption)."""
 
@@ -70,6 +83,8 @@ class Question(NamedTuple):
     machine: str = "rough_turning"  # preset or file
     start_speed: float | None = None  # of the box of inserts [m/min]
     feeds: tuple[float, float] | None = None  # of the box of inserts [mm/rev]
+    roughness: float | None = None  # highest theoretical one, Rt [um]
+    support: str | None = None  # of the bar: "chuck", "tailstock" or "rigid"
 
 
 class Window(NamedTuple):
@@ -166,6 +181,13 @@ def job_of(question: Question) -> Job:
     fitted = laws.material_of(material.group, start, machine.tool.wear_criterion)
     evidence_laws = laws.evidence_of(fitted, start, window.feeds, window.depths)
     values = _values(question, insert=insert, window=window, depth=depth)
+    values["workpiece"]["elastic_modulus"] = MODULI[material.group.letter]
+    held: tuple[str, ...] = ()
+    if question.support:
+        values["workpiece"]["support"] = question.support
+    elif "workpiece.support" not in stated:
+        values["workpiece"]["support"] = "chuck"
+        held = ("the chuck alone holds the bar: --support states another",)
     values["material"] = fitted.model_dump()
     values["limits"] = _limits(machine, stated, fitted=fitted, insert=insert, window=window)
     if "economics.edges_per_insert" not in stated:
@@ -177,6 +199,10 @@ def job_of(question: Question) -> Job:
         if f"control.{start_name}" not in stated:
             del base["control"][start_name]
     scenario = Scenario.load({"name": name.strip("_.")} | merged(base, values))
+    if question.roughness is not None:
+        scenario = with_roughness(scenario, question.roughness)
+        roughness = scenario.limits.roughness.model_dump(exclude_defaults=True)
+        values["limits"]["roughness"] = roughness
     known = Evidence(source="catalogue", laws=evidence_laws)
     scenario, known = for_advice(
         scenario,
@@ -189,7 +215,7 @@ def job_of(question: Question) -> Job:
         insert=insert,
         grade=grade.name,
         start=start,
-        window=window,
+        window=window._replace(assumptions=window.assumptions + held),
         scenario=scenario,
         evidence=known,
         values=values,
@@ -250,18 +276,19 @@ def _window(
     if "machine.feed_max" in stated and machine.machine.feed_max < high_feed:
         high_feed = machine.machine.feed_max
         ends.discard("machine.feed_max")
-    highest = min(high_feed, FEED_PER_NOSE * insert.nose_radius)
+    highest = min(high_feed, _highest_feed(question, insert))
     if low_feed >= highest:
         low_feed = UNREACHED * highest
         assumptions.append(
-            f"feeds begin at {low_feed:g} mm/rev: the nose radius of {insert.nose_radius:g} mm "
-            "and the machine end them below the chip breaker's window"
+            f"feeds begin at {low_feed:.3g} mm/rev: the nose radius of {insert.nose_radius:g} mm, "
+            "the roughness or the machine end them below the chip breaker's window, "
+            "where chips may not break"
         )
     if "machine.feed_min" in stated and machine.machine.feed_min > low_feed:
         if machine.machine.feed_min >= highest:
             raise WorkshopError(
                 f"machine.feed_min is {machine.machine.feed_min:g} mm/rev, but {insert.name} "
-                f"takes up to {highest:g} mm/rev, half of its nose radius"
+                f"takes up to {highest:.3g} mm/rev, by its nose radius or the roughness"
             )
         low_feed = machine.machine.feed_min
         ends.discard("machine.feed_min")
@@ -278,6 +305,15 @@ def _window(
         catalogue_ends=frozenset(ends),
         assumptions=tuple(assumptions),
     )
+
+
+def _highest_feed(question: Question, insert: Insert) -> float:
+    """Return the highest feed that nose radius and roughness allow [mm/rev]."""
+    tool = {"nose_radius": insert.nose_radius}
+    scenario = Scenario.load({"machine": {"feed_max": 10.0}, "tool": tool})
+    if question.roughness is not None:
+        scenario = with_roughness(scenario, question.roughness)
+    return feed_ends(scenario)[0].feed
 
 
 def _values(question: Question, insert: Insert, window: Window, depth: float) -> dict[str, Any]:
@@ -300,7 +336,7 @@ def _values(question: Question, insert: Insert, window: Window, depth: float) ->
 
 def _limits(
     machine: Scenario, stated: set[str], fitted: Any, insert: Insert, window: Window
-) -> dict[str, float]:
+) -> dict[str, Any]:
     """Return the limits of force and power: those of the machine, and the insert's strength.
 
     The insert bears the thrust of its highest feed and depth in this material, worn out.
@@ -313,7 +349,7 @@ def _limits(
             wear=machine.tool.wear_criterion,
         )
     )
-    limits = {"thrust_force": bearable}
+    limits: dict[str, Any] = {"thrust_force": bearable}
     if "limits.thrust_force" in stated:
         limits["thrust_force"] = min(bearable, machine.limits.thrust_force)
     if "limits.power" not in stated and "machine.rated_power" in stated:
@@ -331,6 +367,8 @@ _BOUND_NAMES = {
     "limits.thrust_force": "the strength of the insert",
     "tool.edge_strength": "the strength of the edge",
     "tool.nose_radius": "the nose radius",
+    "limits.roughness": "the roughness",
+    "workpiece.support": "the bending of the bar",
     "spindle.max_speed": "the highest spindle speed",
     "machine.cutting_speed_min": "the lowest cutting speed",
     "machine.cutting_speed_max": "the highest cutting speed",
@@ -440,8 +478,7 @@ def sentence(job: Job, advice: list[Advice]) -> str:
     best = advice[0].plan
     cuts = best.cuts
     window = job.window
-    low_feed, high_feed = window.feeds
-    high_feed = min(high_feed, FEED_PER_NOSE * job.insert.nose_radius)
+    low_feed, high_feed = feed_range(job.scenario)
     speed = f"{cuts.cutting_speed:.4g} m/min ({window.speeds[0]:.0f} to {window.speeds[1]:.0f})"
     feed = f"{cuts.feed:.3g} mm/rev ({low_feed:.2g} to {high_feed:.2g})"
     depth = f"{cuts.depth_of_cut:g} mm deep ({window.depths[0]:.2g} to {window.depths[1]:.2g})"
@@ -468,6 +505,7 @@ def summary(job: Job, advice: list[Advice]) -> Iterator[str]:
         owner = ", of the catalogue" if bound.name in job.window.catalogue_ends else ""
         yield bound_sentence(bound._replace(limit=bound.limit + owner), prices.unit)
     work = scenario.workpiece
+    yield surface(scenario, advice[0].plan)
     yield (
         f"{work.diameter:g} mm diameter, {work.bar_length:g} mm long; "
         f"a minute costs {prices.minute:.3g} {prices.unit}, an edge {prices.edge:.3g} "

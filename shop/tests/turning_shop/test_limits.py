@@ -1,0 +1,131 @@
+"""The spindle's curve, the bar's bending and the surface limit every command alike."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from turning_shop import WorkshopError
+from turning_shop.advise import MIN_COST, advise, best_plan, headline, tried_plans
+from turning_shop.allowed import MAX_DEFLECTION, allowed_loads, feed_range, theoretical_roughness
+from turning_shop.plots import draw_map
+from turning_shop.prediction import Evidence
+from turning_shop.provenance import load
+from turning_shop.whatif import Cuts, what_if
+
+from turning_env import Scenario
+from turning_env.__main__ import main
+
+PROGRAM = "G21 G99 T0101\nG50 S4000\nG96 S120 M3\nG0 X41. Z2.\nG1 Z-150. F0.3\nG0 X100.\nZ5.\nM30\n"
+SLENDER = """
+[workpiece]
+diameter = 45.0
+bar_length = 300.0
+depth_of_cut = 2.0
+support = "chuck"
+[tool]
+nose_radius = 1.2
+"""
+
+
+@pytest.fixture
+def slender(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Scenario:
+    """Return the scenario of ``slender.toml``, in the current folder with ``part.nc``."""
+    monkeypatch.chdir(tmp_path)
+    Path("slender.toml").write_text(SLENDER)
+    Path("part.nc").write_text(PROGRAM)
+    return load("slender.toml")[0]
+
+
+def cheapest(scenario: Scenario) -> Cuts:
+    """Return the cheapest cut within the limits."""
+    best = best_plan(scenario, Evidence(), tried_plans(scenario, Evidence()), aim=MIN_COST)
+    assert best
+    return best.cuts
+
+
+def test_below_the_base_speed_the_spindle_has_less_power() -> None:
+    scenario = Scenario.load(
+        {
+            "spindle": {"base_speed": 700.0},
+            "limits": {"power": 5.0, "thrust_force": 1e6},
+            "tool": {"edge_strength": 1e6},
+        }
+    )
+    best = advise(scenario, Evidence())[0]
+    cuts = best.plan.cuts
+    assert cuts.spindle_speed < 700.0
+    assert cuts.power <= 5.0 * cuts.spindle_speed / 700.0
+    (bound,) = [bound for bound in best.bounds if bound.name == "limits.power"]
+    assert "below spindle.base_speed" in bound.limit
+
+
+def test_a_bar_in_the_chuck_bends_as_a_cantilever(slender: Scenario) -> None:
+    inertia = np.pi * 45.0**4 / 64.0
+    per_newton = 300.0**3 / (3.0 * 210_000.0 * inertia)
+    force = MAX_DEFLECTION / (0.7 * per_newton)
+    assert allowed_loads(slender).thrust_force == pytest.approx(force)
+    assert allowed_loads(slender).by_deflection
+    assert cheapest(slender).thrust_force <= force
+
+
+def test_a_tailstock_holds_more_and_a_rigid_bar_does_not_bend(slender: Scenario) -> None:
+    forces = []
+    for support in ("chuck", "tailstock", "rigid"):
+        work = slender.workpiece.model_copy(update={"support": support})
+        held = slender.model_copy(update={"workpiece": work})
+        forces.append(allowed_loads(held).thrust_force)
+    assert forces[1] > 10.0 * forces[0]
+    assert forces[2] == np.inf
+
+
+def test_the_bending_binds_the_advice_and_is_named(slender: Scenario) -> None:
+    best = advise(slender, Evidence())
+    (bound,) = [bound for bound in best[0].bounds if bound.name == "workpiece.support"]
+    assert bound.without.cost < best[0].plan.cost
+    assert "chuck" in "\n".join(headline(slender, Evidence(), best))
+    work = slender.workpiece.model_copy(update={"bar_length": 900.0})
+    with pytest.raises(WorkshopError, match="or support the bar"):
+        advise(slender.model_copy(update={"workpiece": work}), Evidence())
+
+
+def test_the_bending_limits_programs_by_their_stock(
+    slender: Scenario, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("shapely")
+    command = ["program", "part.nc", "--scenario", "slender.toml", "--stock", "bar:45x300"]
+    assert main([*command, "--wear", "0.3", "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    force = float(what_if(slender, 120.0, 0.3, wear=0.3).thrust_force)
+    share = force / allowed_loads(slender).thrust_force
+    assert result["totals"]["max_load"] == pytest.approx(share, rel=0.01)
+    assert any("workpiece.support" in note for note in result["notes"])
+
+
+def test_a_roughness_limits_the_feed_of_every_command(
+    slender: Scenario, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("shapely")
+    limited, _ = load("slender.toml", roughness=6.0)
+    low, high = feed_range(limited)
+    assert theoretical_roughness(high, 1.2) == pytest.approx(6.0)
+    assert low <= cheapest(limited).feed <= high * (1 + 1e-9)
+    assert draw_map(limited, Evidence(), wear=0.1).axes[0].get_ylim()[1] == pytest.approx(high)
+
+    cuts = ["--cutting-speed", "120", "--feed", "0.3", "--wear", "0.1"]
+    assert main(["whatif", "slender.toml", *cuts, "--roughness", "6"]) == 0
+    assert "limits.roughness, 6 um" in capsys.readouterr().err
+    command = ["program", "part.nc", "--scenario", "slender.toml", "--stock", "bar:45x300"]
+    assert main([*command, "--roughness", "6", "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert result["totals"]["max_roughness"] == pytest.approx(theoretical_roughness(0.3, 1.2))
+    assert any("above 0.24 mm/rev, limits.roughness" in note for note in result["notes"])
+    Path("part.nc").write_text(PROGRAM.replace("F0.3", "F0.12"))
+    assert main([*command, "--roughness", "6", "--adapt", "words", "--json"]) == 0
+    adapted = json.loads(capsys.readouterr().out)["adapted"]
+    assert 2.0 < adapted["totals"]["max_roughness"] <= 6.0 + 1e-6
+
+
+def test_a_roughness_needs_a_nose_radius() -> None:
+    with pytest.raises(WorkshopError, match="needs the nose radius"):
+        load("rough_turning", roughness=6.0)
