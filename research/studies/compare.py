@@ -106,6 +106,8 @@ class Study(BaseModel):
 
     The table then compares these rankings.
     """
+    scale: tuple[str, str] | None = None
+    """Variants whose mean returns are the scores 0 and 100; None: no scores."""
     overload_prices: tuple[float, ...] = ()
     """Prices of overload at which the same episodes are charged again."""
     variants: dict[str, Variant] = Field(min_length=1)
@@ -124,6 +126,9 @@ class Study(BaseModel):
                 )
             before.append(name)
             self._check_variant(name)
+        for name in self.scale or ():
+            if name not in self.variants:
+                raise ValueError(f"scale has {name!r}, but must be of {', '.join(self.variants)}")
         return self
 
     def _check_variant(self, name: str) -> None:
@@ -435,6 +440,20 @@ class Row:
             cells["Training [s]"] = f"{np.mean(self._seconds):.0f}"
         return cells
 
+    def score(self, fixed: "Row", oracle: "Row") -> str:
+        """Return the score on a scale of 0 for the mean return of one row and 100 for another's."""
+        means = {}
+        replicates = {}
+        for row in (self, fixed, oracle):
+            returns = row.scenarios[row.home]["return"]
+            means[row.name] = returns.mean()
+            replicates[row.name] = self._bootstrap.means(returns, row.name)
+        lead = means[self.name] - means[fixed.name]
+        leads = replicates[self.name] - replicates[fixed.name]
+        gap = means[oracle.name] - means[fixed.name]
+        gaps = replicates[oracle.name] - replicates[fixed.name]
+        return _text(Estimate.of(100.0 * lead / gap, 100.0 * leads / gaps))
+
     def _compared_with(self, other: "Row", means: Floats) -> dict[str, str]:
         """Return the cells of the differences from another row, paired by seed.
 
@@ -506,7 +525,11 @@ def table(study: Study, variants: Mapping[str, Sequence[Played]]) -> str:
     cells = []
     for name, row in rows.items():
         other = rows.get(study.variants[name].like, first)
-        cells.append(row.cells(None if other is row else other, study.overload_prices))
+        row_cells = row.cells(None if other is row else other, study.overload_prices)
+        if study.scale and rows.keys() >= {*study.scale}:
+            fixed, oracle = study.scale
+            row_cells["Score"] = row.score(rows[fixed], rows[oracle])
+        cells.append(row_cells)
     return markdown(cells)
 
 

@@ -168,6 +168,18 @@ def test_leads_are_over_another_variant_seed_by_seed() -> None:
     assert second["By > 5 % [%]"] == "100.00, infeasible"
 
 
+def test_scores_are_0_and_100_for_the_ends_of_the_scale() -> None:
+    study = Study.read("curves").model_copy(update={"episodes": 4})
+    returns = np.linspace(-500.0, 500.0, 4)
+    variants = {
+        "fixed_nominal_share": [_played(shop=returns - 200.0)],
+        "causal": [_played(shop=returns + 200.0)],
+        "ppo": [_played(shop=returns + 100.0)],
+    }
+    scores = [row["Score"] for row in records(table(study, variants))]
+    assert scores == ["0.0 (0.0 to 0.0)", "100.0 (100.0 to 100.0)", "75.0 (75.0 to 75.0)"]
+
+
 def test_rankings_are_compared_with_that_of_the_first_scenario() -> None:
     study = Study.read("assumptions").model_copy(update={"episodes": 4})
     # The first two change places in the second scenario.
