@@ -1,0 +1,183 @@
+"""Fit constant speeds and feeds to the context of a family's jobs, and compare with one constant.
+
+    python -m research.studies.family_regression shop
+    python -m research.studies.family_regression shop --jobs 64 --penalties 1
+
+Every job is played with a grid of shares of the nominal optimum's speed and feed. A law gives the
+logarithms of both shares, linear in the numbers that the family shows of the nominal model:
+
+    (log speed share, log feed share) = constants + weights^T context
+
+It maximises the mean return, interpolated in the grid, less a penalty on the squared weights. Each
+quarter of the jobs is scored by a law fitted to the other three, and compared with the pair of
+shares that is best on these three. Only training jobs are played.
+"""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import torch
+
+from leaderboard.family import FixedNominalOptimum, SetPointShares
+from leaderboard.table import markdown
+from turning_env import Family
+from turning_env.console import described, exits, positive
+from turning_env.scenario.family import CHUNK
+from turning_env.scoring.play import play_family
+from turning_env.scoring.statistics import Bootstrap, Estimate, Floats
+
+SPEEDS = (0.75, 0.92, 1.1)
+FEEDS = (0.52, 0.62, 0.75)
+PENALTIES = (0.1, 0.3, 1.0, 3.0, 10.0)
+FOLDS = 4
+ITERATIONS = 250
+LEARNING_RATE = 0.02
+RETURN_SCALE = 1000.0  # [s]
+MAX_CONTEXT = 3.0
+"""Highest absolute value of a number of the context: few jobs are far out."""
+
+Tensor = torch.Tensor
+
+
+class Law(NamedTuple):
+    """A linear law of the log shares of speed and feed."""
+
+    weights: Tensor  # shape (numbers, 2)
+    constants: Tensor  # shape (2,)
+
+    def log_shares(self, context: Tensor) -> Tensor:
+        """Return log speed share and log feed share of each job, shape (jobs, 2)."""
+        return self.constants + context @ self.weights
+
+
+def returns_of(family: Family, num_jobs: int) -> Floats:
+    """Return the returns [s] of the first training jobs, shape (jobs, speeds, feeds)."""
+    jobs = [family.job(number) for number in range(num_jobs)]
+    returns = np.empty((num_jobs, len(SPEEDS), len(FEEDS)))
+    for i, cutting_speed in enumerate(SPEEDS):
+        for k, feed in enumerate(FEEDS):
+            policy = FixedNominalOptimum(jobs, SetPointShares(cutting_speed, feed))
+            episodes = play_family(
+                family,
+                "train",
+                seeds=range(num_jobs),
+                make_policy=lambda num_envs, policy=policy: policy,
+                context="hidden",
+            )
+            returns[:, i, k] = episodes["return"]
+    return returns
+
+
+def context_of(family: Family, num_jobs: int) -> Tensor:
+    """Return the context of the first training jobs, shape (jobs, numbers)."""
+    chunks = []
+    for chunk in range(-(-num_jobs // CHUNK)):
+        chunks.append(family.context(family.draw("train", chunk).features))
+    context = np.concatenate(chunks)[:num_jobs]
+    return torch.from_numpy(np.clip(context, -MAX_CONTEXT, MAX_CONTEXT))
+
+
+def interpolated(returns: Tensor, log_shares: Tensor) -> Tensor:
+    """Return each job's return at its log shares, linear between the points of the grid.
+
+    Beyond the ends of the grid, it is that of the end.
+    """
+    speed, speed_place = _place(log_shares[:, 0], SPEEDS)
+    feed, feed_place = _place(log_shares[:, 1], FEEDS)
+    job = torch.arange(len(returns))
+    slow = returns[job, speed, feed]
+    slow = slow + feed_place * (returns[job, speed, feed + 1] - slow)
+    fast = returns[job, speed + 1, feed]
+    fast = fast + feed_place * (returns[job, speed + 1, feed + 1] - fast)
+    return slow + speed_place * (fast - slow)
+
+
+def _place(log_share: Tensor, shares: Sequence[float]) -> tuple[Tensor, Tensor]:
+    """Return the index of the grid's interval that holds each log share, and the place in it."""
+    points = torch.log(torch.tensor(shares, dtype=torch.double))
+    inside = log_share.clamp(points[0], points[-1])
+    index = torch.searchsorted(points, inside.detach(), right=True) - 1
+    index = index.clamp(0, len(points) - 2)
+    return index, (inside - points[index]) / (points[index + 1] - points[index])
+
+
+def fitted(context: Tensor, returns: Tensor, penalty: float) -> Law:
+    """Return the law with the highest mean return, less the penalty on its squared weights."""
+    weights = torch.zeros(context.shape[1], 2, dtype=torch.double, requires_grad=True)
+    start = [np.log(np.median(SPEEDS)), np.log(np.median(FEEDS))]
+    constants = torch.tensor(start, dtype=torch.double, requires_grad=True)
+    law = Law(weights, constants)
+    optimizer = torch.optim.Adam(law, lr=LEARNING_RATE)
+    for _ in range(ITERATIONS):
+        value = interpolated(returns, law.log_shares(context)).mean() / RETURN_SCALE
+        loss = penalty * weights.square().sum() - value
+        optimizer.zero_grad()
+        loss.backward()  # type: ignore[no-untyped-call]
+        optimizer.step()
+    return Law(weights.detach(), constants.detach())
+
+
+def cross_validated(context: Tensor, returns: Tensor, penalty: float) -> Floats:
+    """Return each job's return by the law that was fitted to the other folds, shape (jobs,)."""
+    fold = torch.arange(len(returns)) % FOLDS
+    earned = torch.empty(len(returns), dtype=torch.double)
+    for number in range(FOLDS):
+        held_out = fold == number
+        law = fitted(context[~held_out], returns[~held_out], penalty)
+        log_shares = law.log_shares(context[held_out])
+        earned[held_out] = interpolated(returns[held_out], log_shares)
+    return earned.numpy()
+
+
+def best_constants(returns: Tensor) -> Floats:
+    """Return each job's return at the pair of shares that is best on the other folds."""
+    flat = returns.reshape(len(returns), -1)
+    fold = torch.arange(len(returns)) % FOLDS
+    earned = torch.empty(len(returns), dtype=torch.double)
+    for number in range(FOLDS):
+        held_out = fold == number
+        best = flat[~held_out].mean(dim=0).argmax()
+        earned[held_out] = flat[held_out, best]
+    return earned.numpy()
+
+
+@exits(ValueError)
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print the table; return the exit status."""
+    parser = argparse.ArgumentParser(
+        prog="python -m research.studies.family_regression", **described(__doc__)
+    )
+    add = parser.add_argument
+    add("family", help="the family's preset or TOML file")
+    add("--jobs", type=positive, default=1024, help="training jobs (default: %(default)s)")
+    add("--penalties", type=float, nargs="+", default=PENALTIES, metavar="NUMBER")
+    options = parser.parse_args(arguments)
+    if options.jobs < FOLDS:
+        raise ValueError(f"--jobs is {options.jobs}, but must be {FOLDS} or more")
+    torch.set_num_threads(1)
+    family = Family.load(options.family)
+    returns = torch.from_numpy(returns_of(family, options.jobs))
+    context = context_of(family, options.jobs)
+    constants = best_constants(returns)
+    bootstrap = Bootstrap(options.jobs)
+    rows = [{"Penalty": "one pair of shares", "Return [s]": f"{constants.mean():.0f}"}]
+    for penalty in options.penalties:
+        earned = cross_validated(context, returns, penalty)
+        leads = earned - constants
+        lead = Estimate.of(leads.mean(), bootstrap.means(leads[np.newaxis], ""))
+        rows.append(
+            {
+                "Penalty": f"{penalty:g}",
+                "Return [s]": f"{earned.mean():.0f}",
+                "Over one pair [s]": f"{lead.value:.0f} ({lead.low:.0f} to {lead.high:.0f})",
+            }
+        )
+    print(markdown(rows))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
