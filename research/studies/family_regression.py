@@ -25,7 +25,7 @@ from leaderboard.family import FixedNominalOptimum, SetPointShares
 from leaderboard.table import markdown
 from turning_env import Family
 from turning_env.console import described, exits, positive
-from turning_env.scenario.family import CHUNK
+from turning_env.scenario.family import CHUNK, Job
 from turning_env.scoring.play import play_family
 from turning_env.scoring.statistics import Bootstrap, Estimate, Floats
 
@@ -59,16 +59,22 @@ def returns_of(family: Family, num_jobs: int) -> Floats:
     returns = np.empty((num_jobs, len(SPEEDS), len(FEEDS)))
     for i, cutting_speed in enumerate(SPEEDS):
         for k, feed in enumerate(FEEDS):
-            policy = FixedNominalOptimum(jobs, SetPointShares(cutting_speed, feed))
-            episodes = play_family(
-                family,
-                "train",
-                seeds=range(num_jobs),
-                make_policy=lambda num_envs, policy=policy: policy,
-                context="hidden",
-            )
-            returns[:, i, k] = episodes["return"]
+            shares = SetPointShares(cutting_speed, feed)
+            returns[:, i, k] = _returns_of_shares(family, jobs, shares)
     return returns
+
+
+def _returns_of_shares(family: Family, jobs: Sequence[Job], shares: SetPointShares) -> Floats:
+    """Return the returns [s] of the first training jobs with some shares, shape (jobs,)."""
+    policy = FixedNominalOptimum(jobs, shares)
+    episodes = play_family(
+        family,
+        "train",
+        seeds=range(len(jobs)),
+        make_policy=lambda num_envs: policy,
+        context="hidden",
+    )
+    return episodes["return"]
 
 
 def context_of(family: Family, num_jobs: int) -> Tensor:
