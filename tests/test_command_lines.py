@@ -222,6 +222,10 @@ MISTAKES = {
         "nothing",
         "shop --jobs 0",
     ],
+    "research.studies.family_regression": [
+        "nothing",
+        "shop --jobs 3",
+    ],
     "research.studies.family_sources": [
         "nothing",
         "shop --list nothing",
