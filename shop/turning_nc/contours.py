@@ -3,22 +3,13 @@
 import copy
 from collections.abc import Iterable
 from dataclasses import replace
-from typing import NamedTuple
 
 from turning_nc.control import Control, Kind
-from turning_nc.cycles import Side
+from turning_nc.cycles import ContourLines, Side
 from turning_nc.modal import Setting
 from turning_nc.passes import Pass
 from turning_nc.paths import Path, Point
 from turning_nc.words import BlockError
-
-
-class ContourLines(NamedTuple):
-    """Lines of a part of the program that describe a contour."""
-
-    part: str
-    first: int  # index of the first line
-    end: int  # index of the line after the last
 
 
 def contour_of(control: Control, lines: ContourLines) -> list[Path]:

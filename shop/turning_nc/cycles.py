@@ -7,6 +7,14 @@ from turning_nc.passes import Repeating
 from turning_nc.paths import Point
 
 
+class ContourLines(NamedTuple):
+    """Lines of a part of the program that describe a contour."""
+
+    part: str
+    first: int  # index of the first line
+    end: int  # index of the line after the last
+
+
 class ContourNames(NamedTuple):
     """Numbers of the first and the last block of a contour: P and Q of Fanuc's cycles."""
 
@@ -34,7 +42,7 @@ class Box:
 
 @dataclass
 class CycleState:
-    """Values that the first blocks of Fanuc's cycles set for the second."""
+    """Values that earlier blocks set for a cycle."""
 
     depth: float = 0.0  # depth of the passes of G71 and G72 [mm]
     retraction: float = 0.5  # of G71 and G72 [mm]
@@ -45,6 +53,9 @@ class CycleState:
 
     # Lines of the last roughing cycles of contours, for G70 to name.
     roughed: dict[ContourNames, int] = field(default_factory=dict)
+
+    # Contours that CYCLE62 of SINUMERIK has named since the last CYCLE952.
+    called: list[ContourLines] = field(default_factory=list)
 
 
 @dataclass(frozen=True)

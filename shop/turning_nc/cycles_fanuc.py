@@ -9,14 +9,13 @@ import contextlib
 from dataclasses import dataclass
 
 from turning_nc.contours import (
-    ContourLines,
     add_passes,
     choose_side,
     contour_of,
     radius_per_x,
 )
 from turning_nc.control import Control, Kind
-from turning_nc.cycles import Box, ContourNames, ThreadSettings
+from turning_nc.cycles import Box, ContourLines, ContourNames, ThreadSettings
 from turning_nc.passes import (
     Pecking,
     Repeating,

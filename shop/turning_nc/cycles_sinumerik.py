@@ -9,8 +9,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Self
 
-from turning_nc.contours import ContourLines, add_passes, choose_side, contour_of
+from turning_nc.contours import add_passes, choose_side, contour_of
 from turning_nc.control import Control
+from turning_nc.cycles import ContourLines
 from turning_nc.dialects import NUMBER
 from turning_nc.expression import MAX_SHOWN
 from turning_nc.modal import Setting
@@ -24,7 +25,9 @@ CLEARANCE_CYCLE97 = 1.0
 MAX_REPEATS = 1000
 
 
-def _number(name: str, arguments: Sequence[Argument], index: int, default: float = 0.0) -> float:
+def argument_number(
+    name: str, arguments: Sequence[Argument], index: int, default: float = 0.0
+) -> float:
     """Return the number of a cycle's argument; arguments may be empty or missing.
 
     Raises:
@@ -43,7 +46,110 @@ def _number(name: str, arguments: Sequence[Argument], index: int, default: float
     return float(text)
 
 
+def feed_of_argument(
+    control: Control, arguments: Sequence[Argument], index: int, name: str
+) -> Setting:
+    """Return the feed of an argument; the one in force if it is missing or 0."""
+    value = argument_number(name, arguments, index)
+    if value <= 0:
+        return control.feed
+    scale = control.feed_scale
+    return Setting(value * scale, arguments[index].span, scale=scale)
+
+
 # CYCLE95: stock removal.
+
+
+@dataclass(frozen=True)
+class StockRemoval:
+    """How a cycle removes the stock before a contour."""
+
+    machining: str  # outside or inside
+    facing: bool  # whether passes run along X
+    roughs: bool
+    finishes: bool
+    depth: float  # largest depth of a pass [mm]
+    allowance: Point  # metal that stays for finishing, with the sign of the contour's side [mm]
+    roughing_feed: Setting
+    finishing_feed: Setting
+    retraction: float  # distance by which the tool leaves the metal [mm]
+    blank: Point | None = None  # corner of the blank; None if it is the contour's
+
+
+def remove_stock(control: Control, contour: Sequence[Path], removal: StockRemoval) -> None:
+    """Rough and finish a contour, from before its blank and back to there.
+
+    Raises:
+        BlockError: the contour is not understood, the depth of the passes is not above 0, or the
+            user gives another side.
+    """
+    given_side = control.given_sides.get(control.line.number, removal.machining)
+    if given_side != removal.machining:
+        raise BlockError(f"--side is {given_side}, but its arguments say {removal.machining}")
+    facing = removal.facing
+    start = _start(contour, removal)
+    feed = control.feed
+    control.go_rapidly(start)
+    chosen = choose_side(
+        control,
+        contour,
+        allowance=removal.allowance,
+        facing=facing,
+        machining=removal.machining,
+    )
+    if removal.roughs:
+        control.feed = removal.roughing_feed
+        top = None
+        if removal.blank is not None:
+            top = removal.blank.z if facing else removal.blank.x
+        cycle = Roughing(
+            depth=removal.depth,
+            retraction=removal.retraction,
+            allowance=removal.allowance,
+            upwards=chosen.upwards,
+            facing=facing,
+            equal=True,
+            top=top,
+        )
+        add_passes(control, roughing_passes(contour, start, cycle))
+    if removal.finishes:
+        control.feed = removal.finishing_feed
+        head = contour[0].start
+        end = contour[-1].end
+        # The tool goes to and from the contour along the infeed.
+        before = Point(head.z, start.x) if facing else Point(start.z, head.x)
+        behind = Point(start.z, end.x) if facing else Point(end.z, start.x)
+        control.go_rapidly(start, before)
+        control.add(Path(control.here, head), "feed")
+        for path in contour:
+            control.add(path, "feed")
+        control.go_rapidly(behind, start)
+    control.feed = feed
+
+
+def _start(contour: Sequence[Path], removal: StockRemoval) -> Point:
+    """Return where a cycle begins.
+
+    It is before the contour along the feed, and beyond its farthest point along the infeed.
+    """
+    head = contour[0].start
+    end = contour[-1].end
+    away = removal.retraction
+    allowance = removal.allowance
+    side = 1.0 if removal.machining == "outside" else -1.0
+    points = [head, *(path.end for path in contour)]
+    if removal.blank is not None:
+        points.append(removal.blank)
+    if removal.facing:
+        beyond = max if end.x <= head.x else min
+        corner = Point(max(point.z for point in points), beyond(point.x for point in points))
+        before = away if end.x <= head.x else -away
+        return shifted(shifted(corner, allowance), Point(away, before))
+    farthest = max(points, key=lambda point: side * point.x)
+    beyond = max if end.z <= head.z else min
+    corner = Point(beyond(point.z for point in points), farthest.x)
+    before = away if end.z <= head.z else -away
+    return shifted(shifted(corner, allowance), Point(before, side * away))
 
 
 class RoughingCall:
@@ -66,18 +172,13 @@ class RoughingCall:
             )
 
     def _number(self, index: int, default: float = 0.0) -> float:
-        return _number("CYCLE95", self._arguments, index, default)
+        return argument_number("CYCLE95", self._arguments, index, default)
 
     def _length(self, index: int, default: float = 0.0) -> float:
         return self._number(index, default) * self._control.length_scale
 
     def _feed(self, index: int) -> Setting:
-        """Return the feed of an argument; the one in force if it is missing or 0."""
-        value = self._number(index)
-        if value <= 0:
-            return self._control.feed
-        scale = self._control.feed_scale
-        return Setting(value * scale, self._arguments[index].span, scale=scale)
+        return feed_of_argument(self._control, self._arguments, index, name="CYCLE95")
 
     # VARI, the kind of machining, counts: lengthwise or facing, outside or inside; and roughs (1
     # to 4), finishes (5 to 8) or does both (9 to 12).
@@ -143,75 +244,55 @@ def run_cycle95(control: Control, arguments: Sequence[Argument], part: str) -> N
         BlockError: arguments are missing or wrong, or the contour is not understood.
     """
     call = RoughingCall(control, arguments)
-    facing = call.facing
     given_side = control.given_sides.get(control.line.number, call.machining)
-    side = 1.0 if given_side == "outside" else -1.0
     contour = contour_of(control, _contour_lines(control, call.contour, part))
-    away = call.retraction
-    allowance = call.allowance(side)
-    start = _start(contour, allowance=allowance, away=away, side=side, facing=facing)
-    feed = control.feed
-    control.go_rapidly(start)
-    chosen = choose_side(
-        control, contour, allowance=allowance, facing=facing, machining=call.machining
+    removal = StockRemoval(
+        machining=given_side,
+        facing=call.facing,
+        roughs=call.roughs,
+        finishes=call.finishes,
+        depth=call.depth if call.roughs else 0.0,
+        allowance=call.allowance(1.0 if given_side == "outside" else -1.0),
+        roughing_feed=call.roughing_feed,
+        finishing_feed=call.finishing_feed,
+        retraction=call.retraction,
     )
-    if call.roughs:
-        control.feed = call.roughing_feed
-        cycle = Roughing(
-            depth=call.depth,
-            retraction=away,
-            allowance=allowance,
-            upwards=chosen.upwards,
-            facing=facing,
-            equal=True,
-        )
-        add_passes(control, roughing_passes(contour, start, cycle))
-    if call.finishes:
-        control.feed = call.finishing_feed
-        head = contour[0].start
-        end = contour[-1].end
-        # The tool goes to and from the contour along the infeed.
-        before = Point(head.z, start.x) if facing else Point(start.z, head.x)
-        behind = Point(start.z, end.x) if facing else Point(end.z, start.x)
-        control.go_rapidly(start, before)
-        control.add(Path(control.here, head), "feed")
-        for path in contour:
-            control.add(path, "feed")
-        control.go_rapidly(behind, start)
-    control.feed = feed
-
-
-def _start(
-    contour: Sequence[Path], *, allowance: Point, away: float, side: float, facing: bool
-) -> Point:
-    """Return where CYCLE95 begins.
-
-    It is before the contour along the feed, and beyond its farthest point along the infeed.
-    """
-    head = contour[0].start
-    end = contour[-1].end
-    points = [head, *(path.end for path in contour)]
-    if facing:
-        corner = Point(max(point.z for point in points), head.x)
-        before = away if end.x <= head.x else -away
-        return shifted(shifted(corner, allowance), Point(away, before))
-    farthest = max(points, key=lambda point: side * point.x)
-    corner = Point(head.z, farthest.x)
-    before = away if end.z <= head.z else -away
-    return shifted(shifted(corner, allowance), Point(before, side * away))
+    remove_stock(control, contour, removal)
 
 
 def _contour_lines(control: Control, name: str, part: str) -> ContourLines:
     """Return the lines of a contour: those from a label to another, or a sub-program."""
-    program = control.program
     if ":" in name:
         labels = [label.strip() for label in name.upper().split(":")]
+        if len(labels) != 2:
+            raise BlockError(f"the contour {name!r} must be a sub-program or two labels")
+        return labelled_lines(control, *labels, part=part)
+    return lines_of_sub_program(control, name)
+
+
+def labelled_lines(control: Control, first: str, last: str, part: str) -> ContourLines:
+    """Return the lines from a label to another.
+
+    Raises:
+        BlockError: they are not in this part of the program.
+    """
+    begin = end = None
+    if part in control.program.parts:
         places = control.places(part)
-        first = places.label(labels[0], places.lines)
-        last = places.label(labels[1], places.lines)
-        if first is None or last is None or first >= last or len(labels) != 2:
-            raise BlockError(f"the labels of the contour {name!r} are not in the program")
-        return ContourLines(part, first, end=last + 1)
+        begin = places.label(first, places.lines)
+        end = places.label(last, places.lines)
+    if begin is None or end is None or begin >= end:
+        raise BlockError(f"the labels of the contour '{first}:{last}' are not in the program")
+    return ContourLines(part, begin, end=end + 1)
+
+
+def lines_of_sub_program(control: Control, name: str) -> ContourLines:
+    """Return the lines of a sub-program that describes a contour.
+
+    Raises:
+        BlockError: it is not in the program.
+    """
+    program = control.program
     lines = program.parts.get(name.upper())
     if lines is None:
         raise BlockError(
@@ -258,7 +339,7 @@ class ThreadCall:
         values = {}
         for index, argument in enumerate(fields(cls)):
             default = getattr(defaults, argument.name)
-            values[argument.name] = _number("CYCLE97", arguments, index, default)
+            values[argument.name] = argument_number("CYCLE97", arguments, index, default)
         call = cls(**values)
         call.check()
         return call

@@ -202,7 +202,8 @@ SINUMERIK = Dialect(
     ),
     addresses=frozenset("NGMTSFXZIKDLP")
     | {"CR", "LIMS", "S1", "M1", "T1", "CHR", "CHF", "RND", "RNDM", "SF", "ANG", "SPOS"},
-    names=frozenset({"DIAMON", "DIAMOF", "DIAM90", "CYCLE95", "CYCLE97", "RET", "SUPA"})
+    names=frozenset({"DIAMON", "DIAMOF", "DIAM90", "RET", "SUPA"})
+    | {"CYCLE95", "CYCLE97", "CYCLE62", "CYCLE951", "CYCLE952"}
     | {"TRANS", "ATRANS"}
     # Without effect on the path: acceleration, feed at radii, approach, displays.
     | {"SOFT", "BRISK", "DRIVE", "FFWON", "FFWOF", "CFC", "CFTCP", "CFIN", "COMPOF", "STOPRE"}
@@ -243,14 +244,12 @@ DIALECTS: dict[str, Dialect] = {
 
 # Words of SINUMERIK that state how X is read.
 DIAMETERS = "DIAMON", "DIAMOF", "DIAM90"
+CYCLES_WITH_FEEDS = frozenset({"CYCLE95", "CYCLE951", "CYCLE952"})
+"""Cycles of SINUMERIK whose arguments are feeds."""
 NOT_READ = {
-    "CYCLE951": ", stock removal by SINUMERIK Operate: "
-    "write it as CYCLE95 with a contour, or as moves",
-    "CYCLE952": ", a contour's stock removal by SINUMERIK Operate: write it as CYCLE95",
     "CYCLE930": ", a groove by SINUMERIK Operate: write its moves",
     "CYCLE940": ", an undercut by SINUMERIK Operate: write its moves",
     "CYCLE99": ", a thread by SINUMERIK Operate: write it as CYCLE97",
-    "CYCLE62": ", which names the contour of CYCLE952 in SINUMERIK Operate",
     "CYCLE92": ", parting off by SINUMERIK Operate: write its moves",
     "CYCLE93": ", a groove: write its moves",
     "CYCLE94": ", an undercut: write its moves",

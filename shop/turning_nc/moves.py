@@ -21,7 +21,7 @@ from turning_nc.blocks import (
 from turning_nc.control import MAX_BLOCKS, Control, Kind, Move
 from turning_nc.cycles import Side
 from turning_nc.cycles_fanuc import Block, end_of_contour, run_box, run_cycle
-from turning_nc.cycles_sinumerik import run_cycle95, run_cycle97
+from turning_nc.cycles_operate import CYCLES, run_cycle_of_sinumerik
 from turning_nc.dialects import DIAMETERS
 from turning_nc.interpolation import move
 from turning_nc.law import Law
@@ -347,8 +347,7 @@ class ProgramControl(Control):
     def _move(self, block: Block, codes: set[float]) -> None:
         """Run a block's move, its cycle of SINUMERIK or its shift of the zero point."""
         line = block.line
-        cycle95 = line.first("CYCLE95")
-        cycle97 = line.first("CYCLE97")
+        cycle = line.first(*CYCLES)
         if line.first("TRANS", "ATRANS"):
             if self.has_moved:
                 raise BlockError("TRANS after the first move is not understood")
@@ -358,10 +357,8 @@ class ProgramControl(Control):
             if self.fanuc:
                 self.go_rapidly(self.target(line))
             self.go_home("reference points", line)
-        elif cycle95 is not None:
-            run_cycle95(self, cycle95.arguments or (), block.part)
-        elif cycle97 is not None:
-            run_cycle97(self, cycle97.arguments or ())
+        elif cycle is not None:
+            run_cycle_of_sinumerik(self, cycle, block.part)
         elif not codes & self.dialect.spindle_limits:
             move(self, line, codes)
 

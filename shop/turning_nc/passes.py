@@ -37,6 +37,10 @@ class Roughing:
     facing: bool = False  # whether passes run along X
     equal: bool = False  # whether the depth is reduced so that all passes have the same (CYCLE95)
 
+    # Place of the blank along the infeed, from which equal passes begin [mm]; by default the top
+    # of the contour.
+    top: float | None = None
+
 
 def roughing_passes(contour: Sequence[Path], start: Point, cycle: Roughing) -> list[Pass]:
     """Return the moves of every pass along a contour, from the start point and back to it.
@@ -49,7 +53,7 @@ def roughing_passes(contour: Sequence[Path], start: Point, cycle: Roughing) -> l
     kept = [path.moved(cycle.allowance) for path in contour]
     view = _View.of(kept, cycle)
     profile = _profile(kept, view)
-    levels = _levels(profile, view.seen(start).height, cycle)
+    levels = _levels(profile, _top(profile, view, cycle, start=start), cycle)
     roughing = _RoughingPasses(
         view, profile, start=start, retraction=cycle.retraction, step=levels.step
     )
@@ -130,13 +134,22 @@ class _Levels(NamedTuple):
     step: float  # distance of the passes [mm]
 
 
-def _levels(profile: Sequence[_Seen], start: float, cycle: Roughing) -> _Levels:
-    """Return the heights of the passes, which begin at the height of the start point.
+def _top(profile: Sequence[_Seen], view: _View, cycle: Roughing, start: Point) -> float:
+    """Return the height at which passes begin: that of the start point.
 
-    Passes of CYCLE95 begin at the contour's top, where its blank ends.
+    Passes of CYCLE95 begin at the contour's top, where its blank ends; or at a given blank.
     """
+    if not cycle.equal:
+        return view.seen(start).height
+    highest = max(point.height for point in profile)
+    if cycle.top is None:
+        return highest
+    return max(highest, view.upwards * cycle.top)
+
+
+def _levels(profile: Sequence[_Seen], top: float, cycle: Roughing) -> _Levels:
+    """Return the heights of the passes below a top."""
     lowest = min(point.height for point in profile)
-    top = max(point.height for point in profile) if cycle.equal else start
     total = top - lowest
     if total <= TOLERANCE:
         raise BlockError(
