@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from turning_nc.dialects import DIALECTS
+from turning_shop.units import add_units
 
 from turning_env.console import number_within, picture_path
 
@@ -203,6 +204,7 @@ def _add_output_options(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="picture of stock, passes and load: PNG, SVG or PDF",
     )
+    add_units(parser)
     parser.add_argument("--json", action="store_true", help="print all results as JSON")
 
 

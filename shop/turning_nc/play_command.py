@@ -19,6 +19,7 @@ from turning_shop import refuse_existing
 from turning_shop.allowed import limited_by_bar, limited_by_strength
 from turning_shop.prediction import Evidence
 from turning_shop.provenance import OF_PROGRAMS, load
+from turning_shop.units import SYSTEMS
 
 from turning_env.console import print_json
 from turning_env.files import replace_file
@@ -236,7 +237,8 @@ def _as_json(
 def _print(options: argparse.Namespace, results: _Results, adaption: _Adaption | None) -> None:
     """Print the results as text."""
     situation = results.situation
-    lines = [table(situation, results.rows), ""]
+    units = SYSTEMS[options.units]
+    lines = [""]
     lines += results.totals.lines()
     lines += findings(results.rows)
     for line, side in situation.moves.sides.items():
@@ -256,4 +258,5 @@ def _print(options: argparse.Namespace, results: _Results, adaption: _Adaption |
     for path in (options.figure, options.out):
         if path:
             lines.append(str(path))
-    print("\n".join(lines))
+    print(table(situation, results.rows, units))
+    print("\n".join(map(units.text, lines)))

@@ -15,7 +15,9 @@ from turning_nc.dialects import with_line_feeds
 from turning_nc.edges import outside, parts_per_edge
 from turning_nc.finishing import Finishing
 from turning_nc.words import at_lines
+from turning_shop.advise import Prices, money
 from turning_shop.allowed import needed_nose_radius, theoretical_roughness
+from turning_shop.units import METRIC, Units
 
 MIN_WASTE = 1.0  # time that a block must be able to save to be named [s]
 MAX_TEXT = 36  # characters of a block that are shown
@@ -41,6 +43,8 @@ class Summary:
     parts: dict[str, float]  # parts that 97.5 % of a tool's edges last: then they are changed
     change_wear: dict[str, float]  # flank wear at which it is changed at the latest, by tool [mm]
     extrapolated: tuple[str, ...]  # tools that cut outside of what was measured
+    cost: float  # of a part, edges and their changes included
+    cost_unit: str  # currency, or "min" of machine time if no hourly rate is stated
     # Theoretical roughness Rt of the highest feed in metal [um]; 0 if no nose radius is stated.
     max_roughness: float = 0.0
 
@@ -62,12 +66,21 @@ class Summary:
             )
         else:
             lines.append("limits of force and power are off")
+        lines.append(f"cost: {self.cost_text}, edges and their changes included")
         if self.max_roughness > 0.0:
             lines.append(f"highest theoretical roughness: Rt {self.max_roughness:.1f} um")
         for tool in self.parts:
             life = f"{100 * self.used_life[tool]:.2f} % of the tool life a part"
             lines.append(f"{tool}: {life}, {self.edge_change(tool)}")
         return lines
+
+    @property
+    def cost_text(self) -> str:
+        """The cost of a part as text."""
+        unit = self.cost_unit
+        if unit == "min":
+            unit = "min of machine time"
+        return f"{money(self.cost)} {unit} a part"
 
     def edge_change(self, tool: str) -> str:
         """Return the edge change of a tool as text, with a star if it is extrapolated."""
@@ -98,6 +111,9 @@ def summary(situation: Situation, played: Play) -> Summary:
             change_wear[tool] = float(played.change_wear[is_tool][0])
         if is_outside[is_tool].any():
             extrapolated.append(tool)
+    prices = Prices.of(situation.scenario)
+    edges_per_part = sum(1.0 / count for count in parts.values())
+    minutes = float(played.time.sum()) / 60.0 + prices.change_time * edges_per_part
     return Summary(
         time=float(played.time.sum()),
         time_in_metal=float(time[on].sum()),
@@ -112,6 +128,8 @@ def summary(situation: Situation, played: Play) -> Summary:
         parts=parts,
         change_wear=change_wear,
         extrapolated=tuple(extrapolated),
+        cost=prices.minute * minutes + prices.edge * edges_per_part,
+        cost_unit=prices.unit,
         max_roughness=_max_roughness(situation, played),
     )
 
@@ -141,6 +159,7 @@ def comparison(before: Summary, after: Summary) -> list[str]:
     if before.limited:
         load_before = f"{100 * before.max_load:.0f} % before"
         lines.append(f"highest load: {load_before}, {100 * after.max_load:.0f} % after")
+    lines.append(f"cost: {before.cost_text} before, {after.cost_text} after")
     life_before = 100.0 * sum(before.used_life.values())
     life_after = 100.0 * sum(after.used_life.values())
     lines.append(f"tool life per part: {life_before:.2f} % before, {life_after:.2f} % after")
@@ -295,7 +314,7 @@ class _RowWriter:
         return remark
 
 
-_UNITS = {
+_METRIC = {
     "line": "",
     "pass": "",
     "tool": "",
@@ -312,36 +331,36 @@ _UNITS = {
 """Columns of the table."""
 
 
-def _cells(row: Row) -> dict[str, str]:
+def _cells(row: Row, units: Units) -> dict[str, str]:
     """Return the cells of a row by their columns."""
-    diameters = [f"{diameter:.4g}" for diameter in row.diameters]
+    diameters = [units.cell(diameter, "mm", ".4g") for diameter in row.diameters]
     return {
         "line": str(row.line),
         "pass": str(row.cycle_pass or ""),
         "tool": row.tool,
-        "depth": f"{row.depth:.2f}",
+        "depth": units.cell(row.depth, "mm", ".2f"),
         "diameter": "-".join(dict.fromkeys(diameters)),
-        "speed": f"{row.cutting_speed:.0f}",
-        "feed": f"{row.feed:.3f}",
+        "speed": units.cell(row.cutting_speed, "m/min", ".0f"),
+        "feed": units.cell(row.feed, "mm/rev", ".3f"),
         "time": f"{row.time:.1f}",
-        "removed": f"{row.removed:.1f}",
+        "removed": units.cell(row.removed, "cm3", ".1f"),
         "force": f"{100 * row.force_share:.0f}",
         "power": f"{100 * row.power_share:.0f}",
         "life": f"{100 * row.used_life:.2f}",
     }
 
 
-def table(situation: Situation, blocks: Sequence[Row]) -> str:
+def table(situation: Situation, blocks: Sequence[Row], units: Units = METRIC) -> str:
     """Return an aligned table of rows, without loads that have no limit."""
-    units = dict(_UNITS)
+    heads = dict(_METRIC)
     if not situation.has_force_limit:
-        del units["force"]
+        del heads["force"]
     if not situation.has_power_limit:
-        del units["power"]
-    cells = [_cells(row) for row in blocks]
+        del heads["power"]
+    cells = [_cells(row, units) for row in blocks]
     columns = []
-    for head, unit in units.items():
-        column = [head, unit, *(row_cells[head] for row_cells in cells)]
+    for head, unit in heads.items():
+        column = [head, units.name(unit), *(row_cells[head] for row_cells in cells)]
         width = max(map(len, column))
         columns.append([cell.rjust(width) for cell in column])
     columns.append(["block", "", *(f" {row.text}  {row.remark}" for row in blocks)])

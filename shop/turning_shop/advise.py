@@ -25,6 +25,7 @@ from turning_shop.catalogue import UNMEASURED
 from turning_shop.fit import LEVEL
 from turning_shop.prediction import Evidence, Prediction, outside, predict
 from turning_shop.tables import records
+from turning_shop.units import METRIC, Units
 from turning_shop.whatif import CHANGES, NO_LIMIT, Cuts, what_if
 
 from turning_env.physics.spindle import capacity_at
@@ -543,8 +544,17 @@ def money(value: float) -> str:
     return f"{value:.2f}" if abs(value) >= 1 else f"{value:.3g}"
 
 
-def summary(scenario: Scenario, evidence: Evidence, advice: list[Advice]) -> Iterator[str]:
+def summary(
+    scenario: Scenario, evidence: Evidence, advice: list[Advice], units: Units = METRIC
+) -> Iterator[str]:
     """Yield lines of text: the jobs and prices, the recommendation, and a table of all advice."""
+    for line in _sentences(scenario, evidence, advice):
+        yield units.text(line)
+    yield from table(scenario, advice, units)
+
+
+def _sentences(scenario: Scenario, evidence: Evidence, advice: list[Advice]) -> Iterator[str]:
+    """Yield the lines of a summary before its table, in metric units."""
     prices = Prices.of(scenario)
     work = scenario.workpiece
     yield (
@@ -558,12 +568,11 @@ def summary(scenario: Scenario, evidence: Evidence, advice: list[Advice]) -> Ite
     yield ""
     yield from headline(scenario, evidence, advice)
     yield ""
-    yield from table(scenario, advice)
 
 
-def table(scenario: Scenario, advice: list[Advice]) -> Iterator[str]:
+def table(scenario: Scenario, advice: list[Advice], units: Units = METRIC) -> Iterator[str]:
     """Yield the lines of a table of all advice, with units."""
-    units = {
+    heads = {
         "speed": "m/min",
         "feed": "mm/rev",
         "change after": "parts",
@@ -575,12 +584,12 @@ def table(scenario: Scenario, advice: list[Advice]) -> Iterator[str]:
         "mean MRR": "cm3/min",
         "cost per part": Prices.of(scenario).unit,
     }
-    rows = [["", *units], ["", *units.values()]]
-    rows.extend(_row(entry) for entry in advice)
+    rows = [["", *heads], ["", *map(units.name, heads.values())]]
+    rows.extend(_row(entry, units) for entry in advice)
     yield from aligned(rows)
 
 
-def _row(advice: Advice) -> list[str]:
+def _row(advice: Advice, units: Units) -> list[str]:
     """Return the cells of an advice in the table of ``summary``."""
     best = advice.plan
     cuts = best.cuts
@@ -591,14 +600,14 @@ def _row(advice: Advice) -> list[str]:
         tool_life += f" ({low:.1f}-{high:.1f})"
     return [
         advice.aim,
-        f"{cuts.cutting_speed:.4g}",
-        f"{cuts.feed:.4g}",
+        units.cell(float(cuts.cutting_speed), "m/min", ".4g"),
+        units.cell(float(cuts.feed), "mm/rev", ".4g"),
         f"{best.parts:.3g}",
-        f"{cuts.wear:.3g}",
+        units.cell(float(cuts.wear), "mm", ".3g"),
         tool_life,
-        f"{cuts.thrust_force:.0f}",
-        f"{cuts.power:.1f}",
+        units.cell(float(cuts.thrust_force), "N", ".0f"),
+        units.cell(float(cuts.power), "kW", ".1f"),
         f"{best.cycle_time:.2f}",
-        f"{best.mean_removal_rate:.1f}",
+        units.cell(float(best.mean_removal_rate), "cm3/min", ".1f"),
         money(best.cost) + best.mark,
     ]

@@ -17,6 +17,7 @@ from turning_shop import Values, WorkshopError, aligned
 from turning_shop.advise import Plan, Prices, money, part_volume
 from turning_shop.allowed import NO_STRENGTH, feed_range
 from turning_shop.provenance import BARS_VARY, assumed_in_simulation
+from turning_shop.units import METRIC, Units
 
 from baselines import catalogue
 from turning_env.action import set_point_action
@@ -64,12 +65,12 @@ class Played:
     results: list[Result]
     notes: list[str]  # what was played, and under which assumptions
 
-    def summary(self) -> Iterator[str]:
+    def summary(self, units: Units = METRIC) -> Iterator[str]:
         """Yield lines of text: a table of results, and notes on them."""
         yield f"played on {self.edges} simulated edges each"
         rows = [
             ("", "mean MRR", "severe overload", "cost per part", "saved per part"),
-            ("", "cm3/min", "%", f"{self.unit} (95 %)", f"{self.unit} (95 %)"),
+            ("", units.name("cm3/min"), "%", f"{self.unit} (95 %)", f"{self.unit} (95 %)"),
         ]
         fixed = self.results[0]
         for result in self.results:
@@ -81,11 +82,13 @@ class Played:
             saved = f"{money(result.saved.value)} {_interval(result.saved, ' to ')}"
             if result is fixed:
                 saved = ""
-            rows.append((result.name, f"{result.removal_rate:.1f}", overload, cost, saved))
+            rate = units.cell(result.removal_rate, "cm3/min", ".1f")
+            rows.append((result.name, rate, overload, cost, saved))
         yield from aligned(rows)
         if not all(result.feasible for result in self.results):
             yield "! in severe overload longer than limits.overload_allowance: not to be used"
-        yield from self.notes
+        for note in self.notes:
+            yield units.text(note)
 
     def headline(self) -> Iterator[str]:
         """Yield the results of the advice, and the savings over it, as sentences."""

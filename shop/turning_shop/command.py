@@ -16,6 +16,7 @@ import numpy as np
 from turning_shop import WorkshopError, refuse_existing, tables, whatif
 from turning_shop.headers import COLUMNS, EDGE, is_unit_of, named_column
 from turning_shop.measurements import Measurements, read_measurements
+from turning_shop.units import SYSTEMS, Units, add_units
 
 from turning_env.console import DONE, FAILED, number_within, picture_path, print_json
 from turning_env.files import replace_file
@@ -23,10 +24,12 @@ from turning_env.scenario import Scenario
 
 if TYPE_CHECKING:
     from turning_shop import start
+    from turning_shop.advise import Advice
     from turning_shop.prediction import Evidence, Prediction
 
 MAX_EDGES = 10_000  # that advise plays with each policy
 DEFAULT_EDGES = 16
+INCH_LENGTH = 25.4  # [mm]
 
 
 def add_commands(command: Callable[..., argparse.ArgumentParser]) -> None:
@@ -298,7 +301,7 @@ def _whatif(options: argparse.Namespace) -> int:
         writer.writeheader()
         writer.writerows(records)
     else:
-        _print_table(cuts, prediction, evidence)
+        _print_table(cuts, prediction, evidence, units=SYSTEMS[options.units])
     return DONE
 
 
@@ -317,18 +320,21 @@ def _cuts(scenario: Scenario, options: argparse.Namespace) -> whatif.Cuts:
     return whatif.what_if(scenario, **dict(zip(axes, grids, strict=True)))
 
 
-def _print_table(cuts: whatif.Cuts, prediction: "Prediction | None", evidence: "Evidence") -> None:
+def _print_table(
+    cuts: whatif.Cuts, prediction: "Prediction | None", evidence: "Evidence", units: Units
+) -> None:
     """Print cuts as a table, and the measured ranges if some cuts extrapolate."""
     from turning_shop.prediction import outside
 
-    print("\n".join(tables.table(cuts, prediction)))
+    print("\n".join(tables.table(cuts, prediction, units)))
     if prediction is None or not prediction.extrapolated.any():
         return
     ranges = []
     for measured in outside(evidence, cuts._asdict()):
         if measured.outside.any():
             ranges.append(f"{measured.factor} {evidence.origins} at {measured.text}")
-    print(f"* extrapolated, beyond what was {evidence.origins}: {', '.join(ranges)}")
+    beyond = f"* extrapolated, beyond what was {evidence.origins}: {', '.join(ranges)}"
+    print(units.text(beyond))
 
 
 def _warn_of_settings(scenario: Scenario, speeds: Sequence[float], feeds: Sequence[float]) -> None:
@@ -379,6 +385,7 @@ def _warn_of_breakage(scenario: Scenario, cuts: whatif.Cuts) -> None:
 
 def _add_whatif_options(parser: argparse.ArgumentParser) -> None:
     _add_nose_radius(parser)
+    add_units(parser)
     parser.add_argument(
         "--cutting-speed",
         nargs="+",
@@ -453,6 +460,7 @@ def _map(options: argparse.Namespace) -> int:
         wear=options.wear,
         depth_of_cut=options.depth,
         hardness=options.hardness,
+        units=SYSTEMS[options.units],
     )
     plot_style.save(figure, options.out)
     print(options.out)
@@ -482,6 +490,7 @@ def _add_map_options(parser: argparse.ArgumentParser) -> None:
         help="hardness over nominal [-] (default: 1)",
     )
     _add_nose_radius(parser)
+    add_units(parser)
     add(
         "--out",
         type=picture_path,
@@ -521,6 +530,7 @@ def _advise(options: argparse.Namespace) -> int:
         evidence = job.evidence
     else:
         scenario, evidence = _load(options)
+    units = SYSTEMS[options.units]
     advice = advise(scenario, evidence)
     played = None
     simulated: list[str] = []
@@ -536,18 +546,7 @@ def _advise(options: argparse.Namespace) -> int:
             on_play=_print_playing,
         )
         simulated = list(played.headline())
-    if options.sheet:
-        from turning_shop import plots
-
-        from turning_env.rendering import plot_style
-
-        figure = plots.draw_sheet(scenario, evidence, advice=advice, simulated=simulated)
-        plot_style.save(figure, options.sheet)
-    if options.page:
-        from turning_shop.page import render
-
-        page = render(scenario, evidence, advice=advice, simulated=simulated)
-        replace_file(options.page, lambda partial: partial.write_text(page, "utf-8"))
+    _draw_advice(options, scenario, evidence=evidence, advice=advice, simulated=simulated)
     if options.out and job:
         text = start.toml_of(job, options.out)
         replace_file(options.out, lambda partial: partial.write_text(text, "utf-8"))
@@ -564,14 +563,41 @@ def _advise(options: argparse.Namespace) -> int:
             record["assumptions"] = list(job.assumptions)
         print_json(record)
         return DONE
-    lines = start.summary(job, advice) if job else summary(scenario, evidence, advice)
+    lines = summary(scenario, evidence, advice, units)
+    if job:
+        lines = start.summary(job, advice, units)
     print("\n".join(lines))
     if played:
-        print("", *played.summary(), sep="\n")
+        print("", *played.summary(units), sep="\n")
     for path in (options.sheet, options.page, options.out):
         if path:
             print(path)
     return DONE
+
+
+def _draw_advice(
+    options: argparse.Namespace,
+    scenario: Scenario,
+    evidence: "Evidence",
+    advice: "list[Advice]",
+    simulated: list[str],
+) -> None:
+    """Write the sheet and the page, if they are asked for."""
+    units = SYSTEMS[options.units]
+    if options.sheet:
+        from turning_shop import plots
+
+        from turning_env.rendering import plot_style
+
+        figure = plots.draw_sheet(
+            scenario, evidence, advice=advice, simulated=simulated, units=units
+        )
+        plot_style.save(figure, options.sheet)
+    if options.page:
+        from turning_shop.page import render
+
+        page = render(scenario, evidence, advice=advice, simulated=simulated, units=units)
+        replace_file(options.page, lambda partial: partial.write_text(page, "utf-8"))
 
 
 def _job(options: argparse.Namespace) -> "start.Job | None":
@@ -649,13 +675,16 @@ def _add_catalogue_options(parser: argparse.ArgumentParser) -> None:
         "--stock",
         type=_stock,
         metavar="DIAMETERxLENGTH",
-        help="diameter and length of cut [mm]: 80x200",
+        help="diameter and length of cut [mm], or with in after it [inch]: 80x200, 3.15x8in",
     )
     add(
         "--depth",
-        type=_number("depth_of_cut"),
+        type=_depth,
         metavar="X",
-        help="depth of cut [mm] (default: the usual one of the chip breaker)",
+        help=(
+            "depth of cut [mm], or with in after it [inch], such as 0.08in "
+            "(default: the usual one of the chip breaker)"
+        ),
     )
     add("--machine", metavar="TOML", help="file with ranges, power and prices of the machine")
     add(
@@ -682,13 +711,32 @@ def _stock(text: str) -> "start.Stock":
     """Return a bar, as an argparse type."""
     from turning_shop import start
 
-    match = re.fullmatch(r"(?:bar:)?([\d.]+)[xX]([\d.]+)", text)
+    match = re.fullmatch(r"(?:bar:)?([\d.]+)[xX]([\d.]+)(in)?", text)
     if match is None:
         raise argparse.ArgumentTypeError(
-            f"{text!r} is not allowed: DIAMETERxLENGTH in mm, such as 80x200"
+            f"{text!r} is not allowed: DIAMETERxLENGTH in mm, such as 80x200, or 3.15x8in"
         )
-    within = number_within(1.0, 5000.0, unit="mm")
-    return start.Stock(diameter=within(match[1]), length=within(match[2]))
+    within = _millimetres(1.0, 5000.0)
+    inch = match[3] or ""
+    return start.Stock(diameter=within(match[1] + inch), length=within(match[2] + inch))
+
+
+def _depth(text: str) -> float:
+    """Return a depth of cut [mm], as an argparse type."""
+    allowed = COLUMNS["depth_of_cut"]
+    return _millimetres(allowed.low, allowed.high)(text)
+
+
+def _millimetres(low: float, high: float) -> Callable[[str], float]:
+    """Return an argparse type for a length in mm, or in inch with "in" after it."""
+    within = number_within(low, high, unit="mm")
+
+    def length(text: str) -> float:
+        if text.endswith("in"):
+            return within(str(INCH_LENGTH * float(text.removesuffix("in"))))
+        return within(text)
+
+    return length
 
 
 def _feed_window(text: str) -> tuple[float, float]:
@@ -709,6 +757,7 @@ def _add_advise_options(parser: argparse.ArgumentParser) -> None:
     )
     _add_catalogue_options(parser)
     _add_nose_radius(parser)
+    add_units(parser)
     add = parser.add_argument
     add(
         "--agent",
@@ -756,7 +805,7 @@ def _load(options: argparse.Namespace) -> "tuple[Scenario, Evidence]":
         options.scenario, nose_radius=options.nose_radius, roughness=options.roughness
     )
     for warning in evidence.warnings:
-        _warn(warning)
+        _warn(SYSTEMS[options.units].text(warning))
     return scenario, evidence
 
 

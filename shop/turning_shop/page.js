@@ -238,12 +238,14 @@ function drawMap(best) {
     drawn.push(element('rect', { class: 'measured', x: a, y: d, width: b - a, height: c - d }));
   }
   drawn.push(...labels.map((label) => label.made));
-  for (const value of ticks(range.cutting_speed, map.clientWidth / 70))
-    drawn.push(element('text', { x: x(value), y: bottom + 18, 'text-anchor': 'middle' }, String(value)));
-  for (const value of ticks(range.feed, 8))
-    drawn.push(element('text', { x: left - 6, y: y(value) + 4, 'text-anchor': 'end' }, String(value)));
-  drawn.push(element('text', { x: (left + right) / 2, y: bottom + 38, 'text-anchor': 'middle' }, 'cutting speed [m/min]'));
-  drawn.push(element('text', { transform: `translate(14 ${(top + bottom) / 2}) rotate(-90)`, 'text-anchor': 'middle' }, 'feed [mm/rev]'));
+  const ofSpeed = unitOf('m/min'), ofFeed = unitOf('mm/rev');
+  for (const value of ticks(range.cutting_speed.map((end) => ofSpeed.factor * end), map.clientWidth / 70))
+    drawn.push(element('text', { x: x(value / ofSpeed.factor), y: bottom + 18, 'text-anchor': 'middle' }, String(value)));
+  for (const value of ticks(range.feed.map((end) => ofFeed.factor * end), 8))
+    drawn.push(element('text', { x: left - 6, y: y(value / ofFeed.factor) + 4, 'text-anchor': 'end' }, String(value)));
+  drawn.push(element('text', { x: (left + right) / 2, y: bottom + 38, 'text-anchor': 'middle' }, `cutting speed [${ofSpeed.name}]`));
+  drawn.push(element('text', { transform: `translate(14 ${(top + bottom) / 2}) rotate(-90)`, 'text-anchor': 'middle' },
+    `feed [${ofFeed.name}]`));
   if (best) drawn.push(element('rect', { class: 'cheapest', x: -6, y: -6, width: 12, height: 12,
     transform: `translate(${x(best.cutting_speed)} ${y(best.feed)}) rotate(45)` }));
   drawn.push(element('circle', { class: 'here', cx: x(settings.cutting_speed), cy: y(settings.feed), r: 9 }));
@@ -261,6 +263,17 @@ function shown(value) {
   return Math.abs(value) >= 100 ? String(Math.round(value)) : String(Number(value.toPrecision(3)));
 }
 
+/** The unit in which a metric one is shown: its name, and its factor over the metric one. */
+function unitOf(metric) {
+  return data.units[metric] ?? { name: metric, factor: 1 };
+}
+
+/** A metric quantity in the unit in which it is shown. */
+function quantity(value, metric) {
+  const { name, factor } = unitOf(metric);
+  return `${shown(factor * value)} ${name}`;
+}
+
 /** An amount of money, as advise.py prints it. */
 function money(value) {
   return value >= 1 ? value.toFixed(2) : String(Number(value.toPrecision(3)));
@@ -269,9 +282,9 @@ function money(value) {
 function set(changes) {
   for (const [name, value] of Object.entries(changes)) {
     settings[name] = value;
-    const { number, slider } = inputs[name];
-    if (Number(number.value) !== value) number.value = String(Number(value.toPrecision(5)));
-    slider.value = value;
+    const { number, slider, factor } = inputs[name];
+    if (Math.abs(Number(number.value) - factor * value) > 1e-9) number.value = String(Number((factor * value).toPrecision(5)));
+    slider.value = factor * value;
   }
   update();
 }
@@ -295,8 +308,8 @@ function update() {
     ['parts', 'change after', 'parts'],
     ['minutes', 'cutting time to the change', 'min'],
     ['cycle_time', 'time per part', 'min'],
-    ['removal_rate', 'removal rate', 'cm³/min'],
-    ['mean_removal_rate', 'removal rate, changes included', 'cm³/min'],
+    ['removal_rate', 'removal rate', 'cm3/min'],
+    ['mean_removal_rate', 'removal rate, changes included', 'cm3/min'],
     ['spindle_speed', 'spindle speed', 'rev/min'],
     ...(costless ? [] : [['cost', 'cost of a part', unit]]),
   ];
@@ -307,8 +320,9 @@ function update() {
     head.scope = 'row';
     value.className = 'value';
     value.dataset.name = name;
-    const form = name === 'cost' ? money : shown;
-    value.textContent = `${form(values[name])} ${of}${note}`.trim();
+    const { name: unitName, factor } = unitOf(of);
+    const form = name === 'cost' ? money : (number) => shown(factor * number);
+    value.textContent = `${form(values[name])} ${unitName.replace('3/', '³/')}${note}`.trim();
     interval.textContent = intervals[name] ? intervals[name].map(form).join(' to ') : '';
     return row;
   }));
@@ -318,32 +332,34 @@ function update() {
     go.type = 'button';
     go.textContent = 'choose it';
     go.addEventListener('click', () => set({ cutting_speed: best.cutting_speed, feed: best.feed }));
-    advice.replaceChildren(`Cheapest within limits: ${shown(best.cutting_speed)} m/min, ${shown(best.feed)} mm/rev, `
+    advice.replaceChildren(`Cheapest within limits: ${quantity(best.cutting_speed, 'm/min')}, ${quantity(best.feed, 'mm/rev')}, `
       + `${money(best.cost)} ${unit} a part `, go);
   } else advice.textContent = best ? 'An insert has a price in money: set an hourly rate.' : 'No speed and feed keep the limits.';
   drawMap(costless ? null : best);
 }
 
 function makeSlider({ name, label, unit, low, high, value }) {
+  const { name: unitName, factor } = unitOf(unit);
+  const digits = (DIGITS[name] ?? 1) + (unitOf(unit).decimals ?? 0);
   const box = document.createElement('div');
   box.className = 'slider';
   const title = box.appendChild(document.createElement('label'));
   title.textContent = label;
   title.htmlFor = name;
   const number = box.appendChild(document.createElement('input'));
-  Object.assign(number, { type: 'number', id: name, min: low, max: high, step: 'any', required: true });
+  Object.assign(number, { type: 'number', id: name, min: factor * low, max: factor * high, step: 'any', required: true });
   const units = box.appendChild(document.createElement('small'));
-  units.textContent = unit.replace('money', data.currency);
+  units.textContent = unitName.replace('money', data.currency);
   const slider = box.appendChild(document.createElement('input'));
-  Object.assign(slider, { type: 'range', min: low, max: high, step: 'any', ariaLabel: `${label}, slider` });
+  Object.assign(slider, { type: 'range', min: factor * low, max: factor * high, step: 'any', ariaLabel: `${label}, slider` });
   number.disabled = slider.disabled = name === 'cutting_speed' && data.set_speed !== null;
-  number.addEventListener('input', () => number.checkValidity() && set({ [name]: Number(number.value) }));
+  number.addEventListener('input', () => number.checkValidity() && set({ [name]: Number(number.value) / factor }));
   slider.addEventListener('input', () =>
-    set({ [name]: Math.min(high, Math.max(low, Number(Number(slider.value).toFixed(DIGITS[name] ?? 1)))) }));
-  inputs[name] = { number, slider };
+    set({ [name]: Math.min(high, Math.max(low, Number(Number(slider.value).toFixed(digits)) / factor)) }));
+  inputs[name] = { number, slider, factor };
   settings[name] = value;
-  number.value = String(Number(value.toPrecision(5)));
-  slider.value = value;
+  number.value = String(Number((factor * value).toPrecision(5)));
+  slider.value = factor * value;
   return box;
 }
 

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 from turning_shop.advise import Advice, headline, life_spread, settings
 from turning_shop.allowed import allowed_loads, feed_range
 from turning_shop.prediction import BEYOND, Evidence
+from turning_shop.units import METRIC, Units
 from turning_shop.whatif import NO_LIMIT
 
 from turning_env.scenario import Scenario
@@ -26,22 +27,30 @@ _HERE = Path(__file__).parent
 
 
 def render(
-    scenario: Scenario, evidence: Evidence, advice: list[Advice], simulated: Sequence[str] = ()
+    scenario: Scenario,
+    evidence: Evidence,
+    advice: list[Advice],
+    simulated: Sequence[str] = (),
+    units: Units = METRIC,
 ) -> str:
     """Return the page as HTML, which needs no other file and no network.
 
     It begins with the first advice. ``simulated`` are sentences on what the simulation said of it.
     """
     script = (_HERE / "page.js").read_text("utf-8")
-    data = json.dumps(page_data(scenario, evidence, advice), allow_nan=False, separators=(",", ":"))
+    values = page_data(scenario, evidence, advice, units)
+    data = json.dumps(values, allow_nan=False, separators=(",", ":"))
     work = scenario.workpiece
+    bars = f"bars of {work.diameter:g} mm diameter, {work.bar_length:g} mm long"
     return Template((_HERE / "page.html").read_text("utf-8")).substitute(
         name=html.escape(scenario.name),
-        work=html.escape(f"bars of {work.diameter:g} mm diameter, {work.bar_length:g} mm long"),
-        criterion=f"{scenario.tool.wear_criterion:g}",
-        warnings="".join(f"<li>{html.escape(warning)}</li>" for warning in evidence.warnings),
+        work=html.escape(units.text(bars)),
+        criterion=units.text(f"{scenario.tool.wear_criterion:g} mm"),
+        warnings="".join(
+            f"<li>{html.escape(units.text(warning))}</li>" for warning in evidence.warnings
+        ),
         headline="".join(
-            f"<p>{html.escape(line)}</p>"
+            f"<p>{html.escape(units.text(line))}</p>"
             for line in (*headline(scenario, evidence, advice), *simulated)
         ),
         data=data.replace("<", "\\u003c"),
@@ -49,6 +58,10 @@ def render(
         # No script but this one runs, whatever a scenario is called.
         script_digest=b64encode(hashlib.sha256(script.encode()).digest()).decode(),
     )
+
+
+_SHOWN = ("m/min", "mm/rev", "mm", "N", "kW", "cm3/min")
+"""Metric units of the numbers that the page shows in other units."""
 
 
 class Slider(NamedTuple):
@@ -62,7 +75,9 @@ class Slider(NamedTuple):
     value: float  # at which it begins
 
 
-def page_data(scenario: Scenario, evidence: Evidence, advice: Sequence[Advice]) -> dict[str, Any]:
+def page_data(
+    scenario: Scenario, evidence: Evidence, advice: Sequence[Advice], units: Units = METRIC
+) -> dict[str, Any]:
     """Return the data of ``page.js`` as JSON values."""
     work = scenario.workpiece
     economics = scenario.economics
@@ -121,6 +136,7 @@ def page_data(scenario: Scenario, evidence: Evidence, advice: Sequence[Advice]) 
         "return_time": scenario.machine.return_time,
         "edge_cost": economics.edge_cost,
         "currency": economics.currency,
+        "units": {metric: units.unit(metric)._asdict() for metric in _SHOWN},
         "set_speed": scenario.control.initial_cutting_speed if is_override else None,
         "advice": chosen,
         "sliders": [slider._asdict() for slider in _sliders(scenario, chosen[0])],

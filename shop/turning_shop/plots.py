@@ -26,6 +26,7 @@ from turning_shop.allowed import (
 )
 from turning_shop.fit import SETTINGS
 from turning_shop.prediction import Evidence, predict
+from turning_shop.units import METRIC, Units
 from turning_shop.whatif import NO_LIMIT, Cuts, what_if
 
 from turning_env.rendering.plot_style import BLUE, GREEN, GREY, LIGHT, ORANGE, VERMILLION
@@ -69,6 +70,7 @@ def draw_map(
     wear: float,
     depth_of_cut: float | None = None,
     hardness: float = 1.0,
+    units: Units = METRIC,
 ) -> Figure:
     """Draw limits, removal rate and tool life over the machine's range of speed and feed.
 
@@ -78,6 +80,7 @@ def draw_map(
         wear: Flank wear of the edge [mm].
         depth_of_cut: Depth of cut [mm]; by default the nominal one.
         hardness: Hardness of the bar over nominal [-].
+        units: Units of axes and labels.
 
     Raises:
         WorkshopError: The nose radius allows no feed of the machine.
@@ -90,10 +93,11 @@ def draw_map(
         wear=wear,
         depth_of_cut=depth_of_cut,
         hardness=hardness,
+        units=units,
     )
     if evidence.warnings:
         figure.suptitle(
-            "\n".join(_wrapped_warnings(evidence, MAP_WIDTH)),
+            "\n".join(_wrapped_warnings(evidence, MAP_WIDTH, units)),
             fontsize="x-small",
             color=VERMILLION,
             ha="left",
@@ -111,6 +115,7 @@ def draw_map_on(
     depth_of_cut: float | None = None,
     hardness: float = 1.0,
     advised: Plan | None = None,
+    units: Units = METRIC,
 ) -> list[Any]:
     """Draw the map of ``draw_map`` on axes, and return the handles of its legend.
 
@@ -130,14 +135,15 @@ def draw_map_on(
     )
     kept = _kept(scenario, cuts)
     extrapolated = predict(scenario, evidence, cuts, of_wear=True).extrapolated
+    shown = _converted(cuts, units)
 
     # Later drawings cover earlier ones: areas come first, the mark comes last.
-    _fill_allowed(axes, cuts, kept)
-    _dot_unmeasured(axes, cuts, evidence)
-    _draw_removal_rate(axes, cuts)
-    _draw_tool_life(axes, cuts)
-    limit_handles = _draw_load_limits(axes, cuts, scenario, evidence)
-    limit_handles += _draw_strength_limit(axes, cuts, scenario)
+    _fill_allowed(axes, shown, kept)
+    _dot_unmeasured(axes, shown, _extrapolating(evidence, cuts))
+    _draw_removal_rate(axes, shown, units)
+    _draw_tool_life(axes, shown)
+    limit_handles = _draw_load_limits(axes, shown, scenario, evidence)
+    limit_handles += _draw_strength_limit(axes, shown, scenario)
     _mark(
         axes,
         cuts,
@@ -145,18 +151,25 @@ def draw_map_on(
         extrapolated=extrapolated,
         advised=advised,
         nose_radius=scenario.tool.nose_radius,
+        units=units,
     )
 
-    axes.set(xlabel="cutting speed [m/min]", ylabel="feed [mm/rev]")
+    axes.set(
+        xlabel=f"cutting speed [{units.name('m/min')}]",
+        ylabel=f"feed [{units.name('mm/rev')}]",
+    )
     bar = "nominal hardness" if hardness == 1 else f"{hardness:g} times nominal hardness"
     depth = f"depth of cut {cuts.depth_of_cut.flat[0]:g} mm"
     title = f"{scenario.name}: {depth}, {bar}, {_worn(evidence, wear)}"
-    axes.set_title(title, loc="left", fontsize="medium")
+    axes.set_title(units.text(title), loc="left", fontsize="medium")
 
-    handles: list[Any] = [
-        Patch(facecolor=_ALLOWED, edgecolor=GREY, label="within the limits"),
-        Patch(facecolor=LIGHT, edgecolor=GREY, label="a limit is exceeded"),
-    ]
+    for handle in limit_handles:
+        handle.set_label(units.text(str(handle.get_label())))
+    handles: list[Any] = []
+    if kept.any():
+        handles.append(Patch(facecolor=_ALLOWED, edgecolor=GREY, label="within the limits"))
+    if not kept.all():
+        handles.append(Patch(facecolor=LIGHT, edgecolor=GREY, label="a limit is exceeded"))
     handles += limit_handles
     handles += _curve_handles("advised" if advised else "highest removal rate")
     if extrapolated.any():
@@ -175,6 +188,7 @@ def draw_sheet(
     evidence: Evidence,
     advice: list[Advice],
     simulated: Sequence[str] = (),
+    units: Units = METRIC,
 ) -> Figure:
     """Draw the page, A4 across: maps, advice, sentences on the simulated advice, and warnings."""
     plan = advice[0].plan
@@ -185,11 +199,13 @@ def draw_sheet(
     maps, text_page = pages
 
     for axes, wear in zip(maps.subplots(1, 2), (fresh, at_change), strict=True):
-        handles = draw_map_on(axes, scenario, evidence=evidence, wear=wear, advised=plan)
+        handles = draw_map_on(
+            axes, scenario, evidence=evidence, wear=wear, advised=plan, units=units
+        )
         title = _worn(evidence, wear)
         if wear == at_change:
             title += ", at the change"
-        axes.set_title(title, loc="left", fontsize="medium")
+        axes.set_title(units.text(title), loc="left", fontsize="medium")
     maps.legend(
         handles=handles,
         loc="outside lower center",
@@ -197,17 +213,18 @@ def draw_sheet(
         frameon=False,
         fontsize="small",
     )
-    maps.suptitle(f"{scenario.name}: {scenario.workpiece.depth_of_cut:g} mm deep", fontsize="large")
+    depth = units.text(f"{scenario.workpiece.depth_of_cut:g} mm deep")
+    maps.suptitle(f"{scenario.name}: {depth}", fontsize="large")
 
-    recommendation, *notes = headline(scenario, evidence, advice)
+    recommendation, *notes = map(units.text, headline(scenario, evidence, advice))
     sentences = []
-    for text in (*notes, *simulated):
+    for text in (*notes, *map(units.text, simulated)):
         sentences += textwrap.wrap(text, SHEET_WIDTH)
     # The summary repeats the headline between its two empty lines, of which the first is line 2.
-    lines = list(summary(scenario, evidence, advice))
+    lines = list(summary(scenario, evidence, advice, units))
     end_of_headline = lines.index("", 3)
     table = lines[:2] + lines[end_of_headline + 1 :]
-    warnings = _wrapped_warnings(evidence, SHEET_WIDTH)
+    warnings = _wrapped_warnings(evidence, SHEET_WIDTH, units)
     blocks = [
         Block([recommendation], size=11, weight="bold"),
         Block(sentences, size=7),
@@ -264,10 +281,10 @@ def _worn(evidence: Evidence, wear: float) -> str:
     return state
 
 
-def _wrapped_warnings(evidence: Evidence, width: int) -> list[str]:
+def _wrapped_warnings(evidence: Evidence, width: int, units: Units) -> list[str]:
     lines = []
     for warning in evidence.warnings:
-        lines += textwrap.wrap(f"! {warning}", width)
+        lines += textwrap.wrap(f"! {units.text(warning)}", width)
     return lines
 
 
@@ -304,12 +321,26 @@ def _fill_allowed(axes: Axes, cuts: Cuts, kept: NDArray[np.bool_]) -> None:
         )
 
 
-def _dot_unmeasured(axes: Axes, cuts: Cuts, evidence: Evidence) -> None:
-    """Dot the area in which a law is used outside its measured range of settings."""
+def _converted(cuts: Cuts, units: Units) -> Cuts:
+    """Return cuts with the speed, feed and removal rate that axes show in their units."""
+    return cuts._replace(
+        cutting_speed=units.unit("m/min").factor * cuts.cutting_speed,
+        feed=units.unit("mm/rev").factor * cuts.feed,
+        removal_rate=units.unit("cm3/min").factor * cuts.removal_rate,
+    )
+
+
+def _extrapolating(evidence: Evidence, cuts: Cuts) -> NDArray[np.int64]:
+    """Return how many laws are used outside their measured range of settings."""
     settings = {name: getattr(cuts, name) for name in SETTINGS}
     num_extrapolating = np.zeros(cuts.feed.shape, int)
     for law in evidence.laws.values():
         num_extrapolating += law.extrapolates(settings)
+    return num_extrapolating
+
+
+def _dot_unmeasured(axes: Axes, cuts: Cuts, num_extrapolating: NDArray[np.int64]) -> None:
+    """Dot the area in which a law is used outside its measured range of settings."""
     if num_extrapolating.any():
         dots = axes.contourf(
             cuts.cutting_speed,
@@ -323,7 +354,7 @@ def _dot_unmeasured(axes: Axes, cuts: Cuts, evidence: Evidence) -> None:
         dots.set_linewidth(0.0)
 
 
-def _draw_removal_rate(axes: Axes, cuts: Cuts) -> None:
+def _draw_removal_rate(axes: Axes, cuts: Cuts, units: Units) -> None:
     """Draw lines of round removal rates that end at the right axis, which labels them."""
     low = float(cuts.removal_rate[0, -1])
     high = float(cuts.removal_rate[-1, -1])
@@ -346,7 +377,8 @@ def _draw_removal_rate(axes: Axes, cuts: Cuts) -> None:
         labels=[f"{level:g}" for level in levels],
         color=GREY,
     )
-    right.set_ylabel("removal rate [cm³/min] of the line that ends here", color=GREY)
+    unit = units.name("cm3/min").replace("3", "³")
+    right.set_ylabel(f"removal rate [{unit}] of the line that ends here", color=GREY)
 
 
 def _draw_tool_life(axes: Axes, cuts: Cuts) -> None:
@@ -382,7 +414,8 @@ def _draw_load_limits(
         if limit == NO_LIMIT[line.load]:
             continue
         share = getattr(cuts, f"{line.load}_share")
-        _draw_limit(axes, cuts, share, colour=line.colour, dashes=line.dashes)
+        if not _draw_limit(axes, cuts, share, colour=line.colour, dashes=line.dashes):
+            continue
         label = f"{line.load.replace('_', ' ')} at its limit, {limit:.4g} {line.unit}"
         known = evidence.known(line.load)
         if known != "measured":
@@ -397,17 +430,19 @@ def _draw_strength_limit(axes: Axes, cuts: Cuts, scenario: Scenario) -> list[Lin
     if not (allowed.by_strength or allowed.by_deflection):
         return []
     share = cuts.thrust_force / allowed.thrust_force
-    _draw_limit(axes, cuts, share, colour=VERMILLION, dashes="-.")
+    if not _draw_limit(axes, cuts, share, colour=VERMILLION, dashes="-."):
+        return []
     label = f"edges may break above {allowed.thrust_force:.0f} N"
     if allowed.by_deflection:
         label = f"the bar bends by {MAX_DEFLECTION:g} mm at {allowed.thrust_force:.0f} N"
     return [_limit_handle(label, VERMILLION, "-.")]
 
 
-def _draw_limit(axes: Axes, cuts: Cuts, share: Values, colour: str, dashes: Any) -> None:
-    """Draw the line on which a share of a limit is 1, if the map has one."""
+def _draw_limit(axes: Axes, cuts: Cuts, share: Values, colour: str, dashes: Any) -> bool:
+    """Draw the line on which a share of a limit is 1, and return whether the map has one."""
     # Matplotlib warns if a contour has no level within the data.
-    if share.min() < 1.0 < share.max():
+    is_on_map = bool(share.min() < 1.0 < share.max())
+    if is_on_map:
         axes.contour(
             cuts.cutting_speed,
             cuts.feed,
@@ -417,6 +452,7 @@ def _draw_limit(axes: Axes, cuts: Cuts, share: Values, colour: str, dashes: Any)
             linewidths=2.2,
             linestyles=[dashes],
         )
+    return is_on_map
 
 
 def _limit_handle(label: str, colour: str, dashes: Any) -> Line2D:
@@ -451,6 +487,7 @@ def _mark(
     extrapolated: NDArray[np.bool_],
     advised: Plan | None,
     nose_radius: float,
+    units: Units,
 ) -> None:
     """Mark the advised cut, or the highest removal rate within limits, with a star if extrapolated.
 
@@ -468,17 +505,19 @@ def _mark(
         star = " *" if extrapolated.flat[index] else ""
     speed = float(cut.cutting_speed)
     feed = float(cut.feed)
-    axes.plot(speed, feed, marker="o", markersize=9, color="black", clip_on=False, zorder=5)
+    place = (units.unit("m/min").factor * speed, units.unit("mm/rev").factor * feed)
+    axes.plot(*place, marker="o", markersize=9, color="black", clip_on=False, zorder=5)
     # The text extends from the mark towards the middle of the map.
     is_right = speed > cuts.cutting_speed.mean()
     is_upper = feed > cuts.feed.mean()
     settings = f"{speed:.0f} m/min, {feed:.3g} mm/rev"
-    results = f"{cut.removal_rate:.0f} cm³/min, tool life {cut.tool_life:.3g} min"
+    results = f"{cut.removal_rate:.0f} cm3/min, tool life {cut.tool_life:.3g} min{star}"
     if nose_radius:
-        results += f", Rt {theoretical_roughness(feed, nose_radius):.0f} µm"
+        results += f"\nRt {theoretical_roughness(feed, nose_radius):.0f} um"
+    results = units.text(results).replace("3/min", "³/min").replace(" um", " µm")
     axes.annotate(
-        f"{settings}:\n{results}{star}",
-        (speed, feed),
+        f"{units.text(settings)}:\n{results}",
+        place,
         xytext=(-12 if is_right else 12, -14 if is_upper else 14),
         textcoords="offset points",
         horizontalalignment="right" if is_right else "left",

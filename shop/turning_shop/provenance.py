@@ -36,6 +36,7 @@ OF_PROGRAMS = {
     "machine.feed_max": "mm/rev",
     "tool.wear_criterion": "mm",
     "tool.wear_factor_spread": "",
+    "economics.edge_change_time": "min",
 }
 """Values on which the play of programs depends, and their units."""
 OF_ADVICE = OF_PROGRAMS | {
@@ -46,7 +47,6 @@ OF_ADVICE = OF_PROGRAMS | {
     "workpiece.bar_length": "mm",
     "workpiece.depth_of_cut": "mm",
     "workpiece.approach": "mm",
-    "economics.edge_change_time": "min",
 }
 """Values on which advice depends, and their units."""
 OF_SIMULATION = {

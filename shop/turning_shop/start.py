@@ -44,6 +44,7 @@ from turning_shop.catalogue.start_values import (
 from turning_shop.fit import TYPICAL_EDGE_SPREAD
 from turning_shop.prediction import Evidence, LawEvidence
 from turning_shop.provenance import Stated, for_advice, stated_by
+from turning_shop.units import METRIC, Units
 
 from turning_env.scenario import Scenario
 from turning_env.scenario.scenario import flat, merged
@@ -495,8 +496,17 @@ def sentence(job: Job, advice: list[Advice]) -> str:
     )
 
 
-def summary(job: Job, advice: list[Advice]) -> Iterator[str]:
+def summary(job: Job, advice: list[Advice], units: Units = METRIC) -> Iterator[str]:
     """Yield lines of text: the answer, limits, a table, sources and assumptions."""
+    for line in _answer(job, advice):
+        yield units.text(line)
+    yield from table(job.scenario, advice, units)
+    for line in _grounds(job):
+        yield units.text(line)
+
+
+def _answer(job: Job, advice: list[Advice]) -> Iterator[str]:
+    """Yield the lines above the table, in metric units."""
     scenario = job.scenario
     prices = Prices.of(scenario)
     yield sentence(job, advice)
@@ -512,7 +522,10 @@ def summary(job: Job, advice: list[Advice]) -> Iterator[str]:
         f"{prices.unit}; a change takes {prices.change_time:g} min"
     )
     yield ""
-    yield from table(scenario, advice)
+
+
+def _grounds(job: Job) -> Iterator[str]:
+    """Yield the lines below the table, in metric units."""
     yield ""
     yield f"{UNMEASURED}:"
     yield from (f"  {source}" for source in job.sources)

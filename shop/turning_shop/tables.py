@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from turning_shop import aligned
+from turning_shop.units import METRIC, Units
 from turning_shop.whatif import Cuts
 
 if TYPE_CHECKING:
@@ -65,25 +66,29 @@ _TABLE = {
 _LIMITED = ("thrust_force_share", "power_share")
 
 
-def table(cuts: Cuts, prediction: "Prediction | None" = None) -> Iterator[str]:
+def table(
+    cuts: Cuts, prediction: "Prediction | None" = None, units: Units = METRIC
+) -> Iterator[str]:
     """Yield an aligned table with units, and with intervals if laws were fitted.
 
     A star marks cuts that extrapolate. The last column names the limits that are exceeded.
     """
     columns = []
     for name, shown in _TABLE.items():
-        column = [shown.heading, shown.unit]
+        column = [shown.heading, units.name(shown.unit)]
         for value in getattr(cuts, name).ravel():
             # The share of a load's limit is 0 if the limit is off.
             is_off = name in _LIMITED and value == 0.0
-            column.append("off" if is_off else format(shown.factor * value, shown.form))
+            cell = units.cell(shown.factor * value, shown.unit, shown.form)
+            column.append("off" if is_off else cell)
         columns.append(column)
         if prediction and name in prediction.low and np.isfinite(prediction.low[name]).any():
-            interval = ["95 %", shown.unit]
+            interval = ["95 %", units.name(shown.unit)]
             lows = prediction.low[name].ravel()
             highs = prediction.high[name].ravel()
             for low, high in zip(lows, highs, strict=True):
-                interval.append(f"{low:{shown.form}}-{high:{shown.form}}")
+                low_cell = units.cell(low, shown.unit, shown.form)
+                interval.append(f"{low_cell}-{units.cell(high, shown.unit, shown.form)}")
             columns.append(interval)
     if prediction:
         marks = ["*" if extrapolated else "" for extrapolated in prediction.extrapolated.ravel()]

@@ -12,6 +12,8 @@ from playwright.sync_api import Page, expect
 from turning_shop.advise import advise, plan
 from turning_shop.page import render
 from turning_shop.provenance import load
+from turning_shop.units import INCH
+from turning_shop.whatif import what_if
 
 from shop.tests.turning_shop.sheets import forces
 from tests.walking import ROOT
@@ -199,6 +201,25 @@ def test_warnings_are_shown_and_texts_are_texts(scenario: Scenario, show: Show) 
     assert page.get_by_role("listitem").all_inner_texts() == list(evidence.warnings)
     expect(page.get_by_role("status")).to_contain_text("</b>$ a part")
     expect(page.get_by_role("heading", level=1)).to_have_text("<i>plain</i>")
+
+
+def test_the_page_shows_inches(
+    scenario: Scenario, opened: Callable[..., Page], tmp_path: Path
+) -> None:
+    _, evidence = load(scenario.file or "rough_turning")
+    path = tmp_path / "page.html"
+    path.write_text(render(scenario, evidence, advise(scenario, evidence), units=INCH), "utf-8")
+    page = opened(path.as_uri(), 1280)
+    page.fill("#cutting_speed", "500")
+    page.fill("#feed", "0.012")
+    settings = {"cutting_speed": 500 * 0.3048, "feed": 0.012 * 25.4}
+    wear = float(page.input_value("#wear")) * 25.4
+    depth = float(page.input_value("#depth_of_cut")) * 25.4
+    expected = what_if(scenario, **settings, depth_of_cut=depth, wear=wear)
+    thrust = page.text_content('[data-name="thrust_force"]') or ""
+    assert float(thrust.split()[0]) == pytest.approx(expected.thrust_force / 4.448, rel=0.01)
+    assert thrust.split()[1].startswith("lbf")
+    expect(page.locator("#map")).to_contain_text("feed [IPR]")
 
 
 def test_without_prices_costs_are_minutes(show: Show) -> None:
