@@ -6,6 +6,7 @@ jobs belongs to ``turning_env.scenario.family``.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -24,7 +25,7 @@ from turning_env.action import towards
 from turning_env.family_env import Context
 from turning_env.observation import read
 from turning_env.physics.quantities import OBS
-from turning_env.scenario.family import DrawnJobs, Family, Job
+from turning_env.scenario.family import DrawnJobs, Family, Job, families
 from turning_env.scenario.plan import features, plan_of
 from turning_env.scenario.scenario_batch import ScenarioBatch
 from turning_env.scoring.comparators import CAUSAL, NOMINAL_OPTIMUM, NOMINAL_SHARE
@@ -118,12 +119,22 @@ def family_of(task: Task) -> Family:
         return part.loaded
     try:
         family = Family.load(part.family.name)
-        present = family_task(family, part.split, len(task.seeds))
+        if part.family.name in families():
+            present = _digest_of_task(part.family.name, part.split, len(task.seeds))
+        else:
+            present = family_task(family, part.split, len(task.seeds)).digest
     except ValueError as error:
         raise ResultError(f"cannot be played again: {error}") from error
-    if present.digest != task.digest:
+    if present != task.digest:
         raise ResultError(f"is not of the present family {part.family.name!r}: values differ")
     return family
+
+
+# A folder has a result per policy on the same few tasks.
+@cache
+def _digest_of_task(family_name: str, split: str, count: int) -> str:
+    """Return the digest of a task on a family that ships."""
+    return family_task(family_name, split, count).digest
 
 
 def _part_of(task: Task) -> FamilySplit:

@@ -9,6 +9,7 @@ import re
 import tomllib
 import unicodedata
 from collections.abc import Collection, Iterable, Iterator, Mapping
+from functools import cache
 from importlib import resources
 from operator import attrgetter
 from pathlib import Path
@@ -268,11 +269,11 @@ class Scenario(Section, DerivedQuantities):
     @classmethod
     def _read(cls, source: str | os.PathLike[str]) -> "Scenario":
         """Return the scenario of a preset or a file."""
-        file = None if source in _PRESETS else Path(source)
+        if source in _PRESETS:
+            return _preset(str(source))
+        file = Path(source)
         table = table_of(source, _PRESETS, kind="preset", lists_all=_ALL_PRESETS)
-        scenario = cls._from_values(
-            table.title, table.values, folder=file.parent if file else Path()
-        )
+        scenario = cls._from_values(table.title, table.values, folder=file.parent)
         scenario._origin = scenario._origin._replace(file=file)
         return scenario
 
@@ -355,11 +356,10 @@ class Scenario(Section, DerivedQuantities):
 
         They identify a scenario.
         """
-        defaults = flat(_DEFAULTS.model_dump())
         values = flat(self.model_dump(exclude={"name"}))
         differing = {}
         for name, value in values.items():
-            if value != defaults.get(name):
+            if value != _DEFAULT_VALUES.get(name):
                 differing[name] = value
         return nested(differing.items())
 
@@ -395,6 +395,15 @@ Source = str | os.PathLike[str] | Mapping[str, Any] | Scenario
 """Types that ``Scenario.load`` takes."""
 
 _DEFAULTS = Scenario()
+_DEFAULT_VALUES = flat(_DEFAULTS.model_dump())
+
+
+# A scenario is frozen, so all users of a preset can share one.
+@cache
+def _preset(name: str) -> Scenario:
+    """Return the scenario of a preset."""
+    table = table_of(name, _PRESETS, kind="preset", lists_all=_ALL_PRESETS)
+    return Scenario._from_values(table.title, table.values, folder=Path())
 
 
 def _with_defaults(values: Any) -> Any:

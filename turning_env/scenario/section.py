@@ -5,6 +5,7 @@ Which numbers there are is declared in ``sections.py`` and ``power_law.py``.
 
 from collections.abc import Iterable
 from difflib import get_close_matches
+from functools import cache
 from typing import Any, NamedTuple, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
@@ -69,9 +70,10 @@ class Section(BaseModel):
             return values
         values = _with_tuples(values)
         faults = []
+        known = cls.model_fields
         for key in map(str, values):
-            if key not in cls.model_fields:
-                advice = names_instead(key, cls.model_fields, "python -m turning_env schema")
+            if key not in known:
+                advice = names_instead(key, known, "python -m turning_env schema")
                 faults.append(f"unknown key {key}; {advice}")
         if faults:
             raise ValueError("; ".join(faults))
@@ -80,16 +82,14 @@ class Section(BaseModel):
     @field_validator("*")
     @classmethod
     def _within_range(cls, value: Any, info: ValidationInfo) -> Any:
-        allowed = _range_of(cls.model_fields[str(info.field_name)])
+        allowed = _ranges_of(cls).get(str(info.field_name))
         if allowed and not allowed.low <= value <= allowed.high:
             raise ValueError(f"{value} is outside the allowed range {allowed.text()}")
         return value
 
     @model_validator(mode="after")
     def _minimum_below_maximum(self) -> Self:
-        for name_of_min in type(self).model_fields:
-            if not name_of_min.endswith("_min"):
-                continue
+        for name_of_min in _minima_of(type(self)):
             name_of_max = name_of_min.removesuffix("_min") + "_max"
             low = getattr(self, name_of_min)
             high = getattr(self, name_of_max)
@@ -118,6 +118,24 @@ def _range_of(field: Any) -> Range | None:
     if not isinstance(declared, dict) or "unit" not in declared:
         return None
     return Range(low=declared["minimum"], high=declared["maximum"], unit=declared["unit"])
+
+
+# A scenario is validated value by value, and its classes declare the same every time.
+@cache
+def _ranges_of(section: type[BaseModel]) -> dict[str, Range]:
+    """Return the ranges of a section's quantities by their names."""
+    ranges = {}
+    for name, field in section.model_fields.items():
+        allowed = _range_of(field)
+        if allowed:
+            ranges[name] = allowed
+    return ranges
+
+
+@cache
+def _minima_of(section: type[BaseModel]) -> tuple[str, ...]:
+    """Return the names of a section's fields that end in ``_min``."""
+    return tuple(name for name in section.model_fields if name.endswith("_min"))
 
 
 def declared_ranges(section: type[BaseModel], prefix: str = "") -> dict[str, Range]:
