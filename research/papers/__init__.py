@@ -40,14 +40,29 @@ def changed(preset: Source, **sections: dict[str, Any]) -> Scenario:
     return Scenario.model_validate(values)
 
 
+RECORDED = (*(quantity.name for quantity in INFO), "observation")
+"""Names of the quantities that ``record`` can return."""
+
+
 def record(
-    policy: Policy, scenario: Scenario, seeds: Sequence[int], seconds: float | None = None
+    policy: Policy,
+    scenario: Scenario,
+    seeds: Sequence[int],
+    seconds: float | None = None,
+    names: Sequence[str] = RECORDED,
 ) -> dict[str, NDArray[Any]]:
     """Play an episode of each seed, for some seconds or until all end in the same step.
 
+    Args:
+        policy: plays.
+        scenario: task.
+        seeds: of the episodes.
+        seconds: duration [s]; None: whole episodes.
+        names: quantities to return, some of ``RECORDED``. Fewer take less time.
+
     Returns:
-        ``info`` and ``observation`` after each step, arrays of shape (steps, seeds) and
-        (steps, seeds, entries).
+        Quantities of ``info`` after each step, arrays of shape (steps, seeds), and
+        ``observation``, of shape (steps, seeds, entries).
     """
     env = RoughTurningVectorEnv(len(seeds), scenario)
     observations, _ = env.reset(seed=list(seeds))
@@ -56,17 +71,19 @@ def record(
     num_steps = None
     if seconds is not None:
         num_steps = round(seconds / scenario.control.interval)
-    steps: list[dict[str, Any]] = []
+    columns: dict[str, list[NDArray[Any]]] = {name: [] for name in names}
+    played_steps = 0
     finished = False
     while not finished:
         observations, _, terminated, truncated, infos = env.step(policy.act(observations))
         # The environment overwrites its observations in the next step.
-        steps.append(infos | {"observation": observations.copy()})
+        values = infos | {"observation": observations.copy()}
+        for name, column in columns.items():
+            column.append(values[name])
+        played_steps += 1
         if num_steps is None:
             finished = bool((terminated | truncated).all())
         else:
-            finished = len(steps) >= num_steps
+            finished = played_steps >= num_steps
 
-    names = [quantity.name for quantity in INFO]
-    names.append("observation")
-    return {name: np.array([step[name] for step in steps]) for name in names}
+    return {name: np.array(column) for name, column in columns.items()}

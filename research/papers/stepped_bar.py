@@ -98,7 +98,12 @@ class Trajectory:
 
 def play_bar(make_policy: PolicyFactory, scenario: Scenario) -> Trajectory:
     """Return the trajectory of a policy on a bar."""
-    recorded = record(make_policy(1), scenario, [0])
+    recorded = record(
+        make_policy(1),
+        scenario,
+        [0],
+        names=("time", "depth_of_cut", "commanded_feed", "spindle_load"),
+    )
     commanded_feed = recorded["commanded_feed"][:, 0]
     return Trajectory(
         time=np.cumsum(recorded["time"][:, 0]),

@@ -36,6 +36,15 @@ from turning_env.scoring.seeds import tuning_seeds
 
 NUM_SEEDS = 8
 SHOWN = (1, 3)  # the simulations that the text shows
+SURFACE = (
+    "roughness",
+    "roughness_reference",
+    "cutting",
+    "commanded_feed",
+    "thrust_force",
+    "feed",
+)
+"""Quantities of which an outcome is made."""
 # Time after which the control has settled [s]: half a second of air, then some time constants of
 # the servo.
 SETTLED = 2.0
@@ -112,7 +121,7 @@ def held_at(reference: float, **sections: dict[str, Any]) -> Scenario:
 
 def play(policy: Policy, scenario: Scenario) -> Outcome:
     """Play one episode of every seed."""
-    recorded = record(policy, scenario, tuning_seeds(NUM_SEEDS))
+    recorded = record(policy, scenario, tuning_seeds(NUM_SEEDS), names=SURFACE)
     settled = round(SETTLED / scenario.control.interval)
     deviation = np.abs(recorded["roughness"] / recorded["roughness_reference"] - 1.0)
     in_metal_at_entry = recorded["cutting"][:settled]

@@ -57,6 +57,7 @@ a reading of half and a tenth of 2.1, and 0 for none.
 
 RETURN_TIME = 0.1  # [min] per pass
 MAX_PASSES = 8
+NOMINAL = Scenario()
 _MIN_SPEED_AND_FEED = 1e-3  # in place of a lowest cutting speed [m/min] and feed [mm/rev]
 _DEVIATIONS = np.linspace(-3.0, 3.0, num=241)  # of an allowance from its mean [standard deviations]
 
@@ -83,6 +84,7 @@ def _law(
     )
 
 
+@cache
 def handbook_process(rule: str, slack: float = SLACK) -> Process:
     """Return the handbooks' process, with a rule's two limits and the highest speed and feed.
 
@@ -94,7 +96,7 @@ def handbook_process(rule: str, slack: float = SLACK) -> Process:
     def limit(letter: str, law: PowerLaw) -> Limit:
         return Limit(law, 1.0 if letter in rule else math.inf)
 
-    price = Process.of(Scenario()).edge_price
+    price = Process.of(NOMINAL).edge_price
     force = _law(cutting_speed=0.0, feed=0.75, depth_of_cut=1.0)
     power = _law(cutting_speed=1.0, feed=0.75, depth_of_cut=1.0)
     # T = C_T / (V^mu S^nu t^rho) with mu = 5, nu = 1.75, rho = 0.75: the exponents of wear over its
@@ -162,7 +164,7 @@ def pass_cost(rule: str, depth_of_cut: Array, slack: float = SLACK) -> Array:
     In air, speed and feed are the highest. A pass that is too deep for the limits costs infinity.
     """
     process = handbook_process(rule, slack)
-    workpiece = Scenario().workpiece
+    workpiece = NOMINAL.workpiece
     speed, feed = set_point(rule, process, depth_of_cut)
     depth = np.maximum(depth_of_cut, MIN_DEPTH)
 

@@ -101,7 +101,13 @@ def play_fixed(scenario: Scenario, seconds: float, feed: float | None = None) ->
     policy = FixedParameters(
         scenario, control.initial_cutting_speed, feed=feed or control.initial_feed
     )
-    recorded = record(policy, scenario, tuning_seeds(NUM_SEEDS), seconds=seconds)
+    recorded = record(
+        policy,
+        scenario,
+        tuning_seeds(NUM_SEEDS),
+        seconds=seconds,
+        names=("observation", "cutting", "thrust_force"),
+    )
     readings = [read(observations, scenario) for observations in recorded["observation"]]
 
     estimates = []
