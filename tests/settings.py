@@ -1,5 +1,6 @@
 """Settings for the whole suite."""
 
+import gc
 import os
 import shutil
 from collections import Counter
@@ -52,6 +53,12 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
             config.hook.pytest_deselected(items=only_in_soak)
     # False sorts before True, and the sort is stable.
     items.sort(key=lambda item: not item.nodeid.startswith(LONGEST))
+
+
+def pytest_collection_finish() -> None:
+    """Leave what was imported out of garbage collections, which visit a million objects else."""
+    gc.collect()
+    gc.freeze()
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:

@@ -31,8 +31,9 @@ ELSEWHERE = (
     # This suite itself, and the installation of what is under test.
     "make test",
     "pip install",
-    # tests/test_tables.py prints these tables.
+    # tests/test_tables.py prints these tables and draws this figure.
     "python -m leaderboard show --results leaderboard/results --",
+    "python -m leaderboard figure --aggregate",
 )
 SMALLER = {
     "make leaderboard": Smaller(
@@ -43,10 +44,12 @@ SMALLER = {
         "STEPS=3000 RUNS=few-seeds SHIPPED=few-agents SEEDS=0 CARDS=agents/*/batch_casting/ppo.md"
     ),
     "make results": Smaller(
-        "NUM_SEEDS=2 SHIPPED=few-agents SHIPPED_RESULTS=few-shipped ENVS=RoughTurning-Batch-v0"
+        "NUM_SEEDS=2 SHIPPED=few-agents SHIPPED_RESULTS=few-shipped ENVS=RoughTurning-Batch-v0 "
+        "JOBS=1"
     ),
     "make verify": Smaller(
-        "VERIFY='--seeds 2 --env RoughTurning-Batch-v0 --policies parts_fixed_tuned ppo-seed0'"
+        "VERIFY='--seeds 2 --env RoughTurning-Batch-v0 --policies parts_fixed_tuned ppo-seed0' "
+        "JOBS=1"
     ),
     "python -m train.ppo": Smaller("--steps 20000 --set num_envs=32"),
     "python -m train.tune": Smaller("--steps 4096 --trials 1"),
@@ -96,6 +99,7 @@ def test_a_page_is_true(pages: tuple[Path, ...], copy: Path) -> None:
         done += walk(page.read_text("utf-8"), copy, SMALLER, done)
 
 
+@pytest.mark.slow
 def test_the_readme_prints_what_it_says() -> None:
     pattern = r"```python\n([^`]*?)```\n\nprints:\n\n```text\n([^`]*?)```"
     example = re.search(pattern, README)

@@ -24,7 +24,7 @@ from turning_env.scenario import Scenario
 
 if TYPE_CHECKING:
     from turning_shop import start
-    from turning_shop.advise import Advice, Plan
+    from turning_shop.advise import Advice
     from turning_shop.prediction import Evidence, Prediction
 
 MAX_EDGES = 10_000  # that advise plays with each policy
@@ -460,27 +460,11 @@ def _map(options: argparse.Namespace) -> int:
         wear=options.wear,
         depth_of_cut=options.depth,
         hardness=options.hardness,
-        advised=_advised(scenario, evidence, options),
         units=SYSTEMS[options.units],
     )
     plot_style.save(figure, options.out)
     print(options.out)
     return DONE
-
-
-def _advised(
-    scenario: Scenario, evidence: "Evidence", options: argparse.Namespace
-) -> "Plan | None":
-    """Return the cheapest plan, to mark it on the map; None if the map is of another cut."""
-    from turning_shop.advise import MIN_COST, best_plan, tried_plans
-
-    depth = scenario.workpiece.depth_of_cut
-    if options.hardness != 1.0 or options.depth not in (None, depth):
-        return None
-    if scenario.control.action == "part":
-        return None
-    tried = tried_plans(scenario, evidence)
-    return best_plan(scenario, evidence, tried, aim=MIN_COST)
 
 
 def _add_map_options(parser: argparse.ArgumentParser) -> None:

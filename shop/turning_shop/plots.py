@@ -47,15 +47,6 @@ DISCLAIMER = (
 )
 _ALLOWED = "#DCEFE6"
 _DOTS = "#999999"
-MOST_METAL = "highest removal rate"
-_RING: dict[str, Any] = {
-    "marker": "o",
-    "markersize": 9,
-    "markerfacecolor": "white",
-    "markeredgecolor": "black",
-    "linestyle": "none",
-}
-"""Look of the mark of the highest removal rate beside an advised cut."""
 
 
 class _LoadLine(NamedTuple):
@@ -79,7 +70,6 @@ def draw_map(
     wear: float,
     depth_of_cut: float | None = None,
     hardness: float = 1.0,
-    advised: Plan | None = None,
     units: Units = METRIC,
 ) -> Figure:
     """Draw limits, removal rate and tool life over the machine's range of speed and feed.
@@ -90,7 +80,6 @@ def draw_map(
         wear: Flank wear of the edge [mm].
         depth_of_cut: Depth of cut [mm]; by default the nominal one.
         hardness: Hardness of the bar over nominal [-].
-        advised: The advised cut, which is marked.
         units: Units of axes and labels.
 
     Raises:
@@ -104,7 +93,6 @@ def draw_map(
         wear=wear,
         depth_of_cut=depth_of_cut,
         hardness=hardness,
-        advised=advised,
         units=units,
     )
     if evidence.warnings:
@@ -131,8 +119,7 @@ def draw_map_on(
 ) -> list[Any]:
     """Draw the map of ``draw_map`` on axes, and return the handles of its legend.
 
-    The mark is the advised cut, with a ring at the highest removal rate. Without advice, the mark
-    is there.
+    The mark is the advised cut, or the cut with the highest removal rate if there is no advice.
     """
     machine = scenario.machine
     speeds = np.linspace(machine.cutting_speed_min, machine.cutting_speed_max, GRID_SIZE)
@@ -184,9 +171,7 @@ def draw_map_on(
     if not kept.all():
         handles.append(Patch(facecolor=LIGHT, edgecolor=GREY, label="a limit is exceeded"))
     handles += limit_handles
-    handles += _curve_handles("advised" if advised else MOST_METAL)
-    if advised and kept.any():
-        handles.append(Line2D([], [], **_RING, label=MOST_METAL))
+    handles += _curve_handles("advised" if advised else "highest removal rate")
     if extrapolated.any():
         dots = Patch(
             facecolor="white",
@@ -511,15 +496,13 @@ def _mark(
     if not kept.any():
         axes.set_title("nowhere within limits", loc="right", fontsize="medium", color=VERMILLION)
         return
-    index = np.where(kept, cuts.removal_rate, 0.0).argmax()
-    cut = Cuts._make(np.asarray(values.flat[index]) for values in cuts)
-    star = " *" if extrapolated.flat[index] else ""
     if advised:
-        ring_speed = units.unit("m/min").factor * float(cut.cutting_speed)
-        ring_feed = units.unit("mm/rev").factor * float(cut.feed)
-        axes.plot(ring_speed, ring_feed, **_RING, clip_on=False, zorder=4)
         cut = advised.cuts
         star = advised.mark
+    else:
+        index = np.where(kept, cuts.removal_rate, 0.0).argmax()
+        cut = Cuts._make(np.asarray(values.flat[index]) for values in cuts)
+        star = " *" if extrapolated.flat[index] else ""
     speed = float(cut.cutting_speed)
     feed = float(cut.feed)
     place = (units.unit("m/min").factor * speed, units.unit("mm/rev").factor * feed)

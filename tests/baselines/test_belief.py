@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from baselines.belief import ENTRIES, BeliefObservation, VectorBeliefObservation
-from tests.turning_env.test_family_env import BRIEF
+from tests.turning_env.test_family_env import BRIEF_FAMILY
 from turning_env import (
     FAMILY_ID,
     FamilyEnv,
@@ -33,8 +33,8 @@ def actions(size):
 @pytest.mark.parametrize("source", ["family", {"base": "shift", "control": {"time_limit": 1.0}}])
 def test_a_batch_believes_what_single_environments_do_across_episodes(mode, source):
     if source == "family":
-        batch = FamilyVectorEnv(2, BRIEF, autoreset_mode=mode)
-        singles = [BeliefObservation(FamilyEnv(BRIEF)) for _ in range(2)]
+        batch = FamilyVectorEnv(2, BRIEF_FAMILY, autoreset_mode=mode)
+        singles = [BeliefObservation(FamilyEnv(BRIEF_FAMILY)) for _ in range(2)]
     else:
         batch = RoughTurningVectorEnv(2, source, mode)
         singles = [BeliefObservation(RoughTurningEnv(source)) for _ in range(2)]

@@ -1,9 +1,11 @@
 """Families as tasks: policies are built for each job, ranked and verified as on other tasks."""
 
 import json
+import pickle
 from collections.abc import Sequence
 from pathlib import Path
 
+import cloudpickle
 import numpy as np
 import pytest
 import tomli_w
@@ -13,19 +15,19 @@ from leaderboard.__main__ import main
 from leaderboard.family import Forgetful, family_task
 from leaderboard.policies import one_named
 from leaderboard.result import PACK_FILE, Result, ResultError, read_results, result_folder
+from leaderboard.run import Piece, attempt
 from leaderboard.standings import Standing, rank
 from tests.train import onnx_agents
-from tests.turning_env.test_family_env import BRIEF
+from tests.turning_env.test_family_env import BRIEF, BRIEF_FAMILY
 from turning_env import FAMILY_ID, Family
 from turning_env.physics.quantities import OBS
 from turning_env.scoring.comparators import CAUSAL, NOMINAL_OPTIMUM, NOMINAL_SHARE
 from turning_env.scoring.policy import Actions, Observations, Policy, PolicySpec
 from turning_env.scoring.statistics import Estimate, Floats
 
-FAMILY = Family.load(BRIEF)
 JOBS = 16
 SPLITS = ("unseen_jobs", "unseen_machines", "unseen_materials")
-TASK = family_task(FAMILY, None, JOBS)
+TASK = family_task(BRIEF_FAMILY, None, JOBS)
 
 
 WORTH = 400.0  # of the metal of each job [s]
@@ -156,7 +158,7 @@ def test_a_forgetful_policy_is_reset_where_the_edge_is_fresh() -> None:
 
 
 def test_a_job_does_not_depend_on_those_that_are_played_with_it() -> None:
-    task = family_task(FAMILY, "unseen_jobs", 70)
+    task = family_task(BRIEF_FAMILY, "unseen_jobs", 70)
     policy = one_named("idle", task)
     assert policy.compute is not None
     ended: list[int] = []
@@ -179,9 +181,9 @@ def test_only_controllers_have_variants() -> None:
 
 def test_a_split_has_a_name_and_a_number_of_jobs() -> None:
     with pytest.raises(ResultError, match="no split 'nothing'; it has train"):
-        family_task(FAMILY, "nothing", 1)
+        family_task(BRIEF_FAMILY, "nothing", 1)
     with pytest.raises(ResultError, match=r"10000 seeds asked for, but .* has \d+ jobs"):
-        family_task(FAMILY, None, 10_000)
+        family_task(BRIEF_FAMILY, None, 10_000)
 
 
 def test_a_family_with_forms_has_parameters_and_a_variant_of_its_own() -> None:
@@ -211,15 +213,14 @@ def test_a_family_of_ones_own_is_played_ranked_and_packed(
     toml = tmp_path / "brief.toml"
     toml.write_text(tomli_w.dumps(BRIEF))
     agents = tmp_path / "agents" / FAMILY_ID / "brief"
-    first = onnx_agents.write_of_family(agents, FAMILY, 0)
-    second = onnx_agents.write_of_family(agents, FAMILY, 1)
+    first = onnx_agents.write_of_family(agents, BRIEF_FAMILY, 0)
+    second = onnx_agents.write_of_family(agents, BRIEF_FAMILY, 1)
     results = ["--results", str(tmp_path / "results")]
     family = ["--env", FAMILY_ID, "--scenario", str(toml)]
     run = ["run", *family, "--seeds", "3", "--splits", *results]
 
     rules = ["--policies", NOMINAL_OPTIMUM, CAUSAL, "rescaled_grid_search"]
-    options = ["--keep-names", "--jobs", "2"]
-    assert main([*run, *rules, "--agents", str(first), str(second), *options]) == 0
+    assert main([*run, *rules, "--agents", str(first), str(second), "--keep-names"]) == 0
     printed = capsys.readouterr().out
     assert main([*run, "--policies", "rescaled_grid_search", "--forgets"]) == 0
     assert "rescaled_grid_search without memory between edges" in capsys.readouterr().out
@@ -244,6 +245,19 @@ def test_a_family_of_ones_own_is_played_ranked_and_packed(
     assert main(["verify", *results, "--check", "--agents", str(tmp_path)]) == 1
     complaint = "cannot be played again: no family and no file is called 'brief'"
     assert complaint in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("name", ["rescaled_grid_search", CAUSAL])
+def test_a_policy_that_travels_to_another_process_plays_alike(name: str) -> None:
+    policy = one_named(name, TASK)
+    # Workers receive what they play by cloudpickle.
+    travelled = pickle.loads(cloudpickle.dumps(policy))
+    expected = attempt(Piece(policy, TASK.scenario, seeds=[3]))
+    played = attempt(Piece(travelled, TASK.scenario, seeds=[3]))
+    assert isinstance(expected, dict)
+    assert isinstance(played, dict)
+    for field, values in expected.items():
+        assert values.tolist() == played[field].tolist(), field
 
 
 def test_private_jobs_are_others_and_no_result_tells_them(

@@ -21,18 +21,31 @@ SHORT = onnx_agents.SCENARIO
 pytestmark = pytest.mark.slow  # plays agents in processes of their own
 
 
-@pytest.fixture
-def words(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """A run on a project that comes with a rule's and an agent's results."""
-    path = onnx_agents.write(result_folder(tmp_path / "agents", ENV_ID, SHORT.name), memory=True)
-    shipped_results = tmp_path / "shipped"
-    monkeypatch.setattr(leaderboard_policies, "AGENTS", tmp_path / "agents")
-    monkeypatch.setattr(leaderboard_policies, "shipped_agents", shipped_agents)
-    monkeypatch.setattr(result, "RESULTS", shipped_results)
+@pytest.fixture(scope="module")
+def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The agents and results that a project comes with: an agent, and results of it and a rule."""
+    folder = tmp_path_factory.mktemp("project")
+    path = onnx_agents.write(result_folder(folder / "agents", ENV_ID, SHORT.name), memory=True)
     rule = leaderboard_policies.one_named("fixed_handbook", on(SHORT))
-    agents = leaderboard_policies.agents([path], on(SHORT))
     task = Task(env_id=ENV_ID, scenario=SHORT, seeds=held_out_seeds(2))
-    play_all(task, [rule, *agents], result_folder(shipped_results, ENV_ID, SHORT.name))
+    with pytest.MonkeyPatch.context() as patched:
+        come_with(folder, patched)
+        agents = leaderboard_policies.agents([path], on(SHORT))
+        play_all(task, [rule, *agents], result_folder(result.RESULTS, ENV_ID, SHORT.name))
+    return folder
+
+
+def come_with(folder: Path, patched: pytest.MonkeyPatch) -> None:
+    """Let the agents and results of a folder be those that the project comes with."""
+    patched.setattr(leaderboard_policies, "AGENTS", folder / "agents")
+    patched.setattr(leaderboard_policies, "shipped_agents", shipped_agents)
+    patched.setattr(result, "RESULTS", folder / "shipped")
+
+
+@pytest.fixture
+def words(project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """A run on the project."""
+    come_with(project, monkeypatch)
     SHORT.save(tmp_path / "short.toml")
     where = ["--scenario", str(tmp_path / "short.toml"), "--results", str(tmp_path / "results")]
     return ["run", *where, "--seeds", "2", "--policies"]

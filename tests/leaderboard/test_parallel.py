@@ -37,7 +37,7 @@ def test_processes_and_a_cluster_write_the_same_as_one_process(tmp_path: Path) -
     with workers.workers(2, None) as processes:
         assert play("processes", processes) == expected
 
-    local = LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0")
+    local = LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=":0")
     with local, workers.workers(1, local.scheduler_address) as cluster:
         assert play("cluster", cluster) == expected
         # A policy that cannot play is an error of its own, and the cluster remains.

@@ -6,10 +6,9 @@ import pytest
 
 from baselines.models.schedule import FORMS
 from leaderboard.family import Truthful
-from tests.turning_env.test_family_env import BRIEF
+from tests.turning_env.test_family_env import BRIEF_FAMILY as FAMILY
 from turning_env import Family
 
-FAMILY = Family.load(BRIEF)
 SPLIT = "unseen_jobs"
 
 

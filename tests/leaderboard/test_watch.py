@@ -9,8 +9,8 @@ from PIL import Image
 
 from leaderboard.watch import main
 from tests.train import onnx_agents
-from tests.turning_env.test_family_env import BRIEF
-from turning_env import FAMILY_ID, Family, Scenario
+from tests.turning_env.test_family_env import BRIEF, BRIEF_FAMILY
+from turning_env import FAMILY_ID, Scenario
 
 AGENT = "agents/RoughTurning-v0/rough_turning/ppo-seed0.onnx"
 HEIGHT, WIDTH = 670, 960
@@ -60,7 +60,7 @@ def test_policies_are_watched_on_a_job_of_a_family(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "brief.toml").write_text(tomli_w.dumps(BRIEF))
-    agent = onnx_agents.write_of_family(tmp_path / "agents", Family.load(BRIEF), 0)
+    agent = onnx_agents.write_of_family(tmp_path / "agents", BRIEF_FAMILY, 0)
     family = ["--env", FAMILY_ID, "--scenario", str(tmp_path / "brief.toml")]
     out = tmp_path / "job.png"
     watch = [*family, "--split", "unseen_jobs", "--out", str(out)]

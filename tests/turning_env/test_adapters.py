@@ -10,7 +10,7 @@ from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv
 
 from tests.turning_env.playing import changed
-from tests.turning_env.test_family_env import BRIEF
+from tests.turning_env.test_family_env import BRIEF_FAMILY
 from turning_env import Family, FamilyEnv, RoughTurningEnv, Scenario
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 
@@ -56,7 +56,7 @@ def assert_same_info(info: dict[str, Any], expected: dict[str, Any]) -> None:
             id="shift",
         ),
         pytest.param(changed("batch_casting", workpiece={"bars": 3}), {False}, id="batch"),
-        pytest.param(Family.load(BRIEF), {True}, id="family"),
+        pytest.param(BRIEF_FAMILY, {True}, id="family"),
     ],
 )
 def test_it_agrees_with_the_vector_environment_of_stable_baselines3(

@@ -13,6 +13,8 @@ from turning_env.observation import layout
 BRIEF = Family.load("shop").model_dump(mode="json", exclude_none=True)
 BRIEF |= {"name": "brief", "jobs": 64}
 BRIEF["planned"] |= {"control.time_limit": "0.4 + 0.2 * best_life / 20"}
+BRIEF_FAMILY = Family.load(BRIEF)
+"""The family itself: a family that has been loaded keeps the jobs that it has drawn."""
 STEPS = 60
 NUM_ENVS = 35  # more than a block
 SEED = 7
@@ -26,7 +28,7 @@ def random_actions():
 
 def play_batch(actions, mode):
     """Return the observations of a batch, from the reset on, and the answers to its steps."""
-    env = FamilyVectorEnv(NUM_ENVS, BRIEF, autoreset_mode=mode)
+    env = FamilyVectorEnv(NUM_ENVS, BRIEF_FAMILY, autoreset_mode=mode)
     observations = [env.reset(seed=SEED)[0]]
     answers = []
     for action in actions:
@@ -41,7 +43,7 @@ def test_a_batch_plays_each_job_as_the_single_environment_and_as_its_scenario(mo
     actions = random_actions()
     batch_observations, batch_answers = play_batch(actions, mode)
 
-    env = FamilyEnv(BRIEF)
+    env = FamilyEnv(BRIEF_FAMILY)
     observation, info = env.reset(seed=SEED + i)
     job_env = RoughTurningEnv(env.job().scenario)
     job_observation, _ = job_env.reset(seed=SEED + i)
@@ -73,7 +75,7 @@ def test_a_batch_plays_each_job_as_the_single_environment_and_as_its_scenario(mo
 def test_refused_actions_change_no_job(mode):
     """Also where an episode has ended, whose next step would begin another job."""
     actions = random_actions()
-    env = FamilyVectorEnv(NUM_ENVS, BRIEF, autoreset_mode=mode)
+    env = FamilyVectorEnv(NUM_ENVS, BRIEF_FAMILY, autoreset_mode=mode)
     env.reset(seed=SEED)
     _, expected = play_batch(actions, mode)
     for action, answer in zip(actions, expected, strict=True):

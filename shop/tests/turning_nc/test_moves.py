@@ -141,6 +141,7 @@ def test_all_lines_that_are_not_understood_are_named_at_once_or_left_out() -> No
             "O1\nM98 P2 L9999\nM30\nO2\nM98 P3 L9999\nM99\nO3\nM99",
             "moves or blocks are run",
             id="a hundred million calls",
+            marks=pytest.mark.slow,
         ),
         pytest.param(
             SIEMENS.replace("N80 Z-20", 'N80 CYCLE95("KONTUR",2)'),

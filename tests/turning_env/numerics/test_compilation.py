@@ -37,7 +37,7 @@ def plays() -> dict[str, Record]:
     """Return a few steps of every preset, and more that cross ends of episodes."""
     records = {}
     for preset in presets():
-        steps = 2 if preset.startswith("batch") else 20
+        steps = 2 if preset.startswith("batch") else 10
         records[preset] = play_of(Scenario.load(preset), steps)
     records["short_lived"] = play_of(SHORT_LIVED, 100)
     records["hot_spindle"] = play_of(HOT_SPINDLE, 40)

@@ -336,7 +336,12 @@ def variables(**kinds):
             "must not exceed the highest",
             id="ends reversed",
         ),
-        pytest.param({"fields": {"limits.power": 0.01}}, "make no sense", id="no sensible job"),
+        pytest.param(
+            {"fields": {"limits.power": 0.01}},
+            "make no sense",
+            id="no sensible job",
+            marks=pytest.mark.slow,
+        ),
         pytest.param(
             {"splits": {"train": ["material"]}},
             "draws no held-out rows",
