@@ -24,7 +24,7 @@ from turning_env.scenario import Scenario
 
 if TYPE_CHECKING:
     from turning_shop import start
-    from turning_shop.advise import Advice
+    from turning_shop.advise import Advice, Plan
     from turning_shop.prediction import Evidence, Prediction
 
 MAX_EDGES = 10_000  # that advise plays with each policy
@@ -439,6 +439,9 @@ def _add_whatif_options(parser: argparse.ArgumentParser) -> None:
 def _map(options: argparse.Namespace) -> int:
     """Draw limits, removal rate and tool life over the machine's range of cutting speed and feed.
 
+    Marks are the cut that advise recommends for the least cost of a nominal bar, and the cut with
+    the highest removal rate within the limits at this wear.
+
     python -m turning_env map rough_turning --wear 0.2 --out map.png
     """
     refuse_existing(options.overwrite, options.out)
@@ -460,11 +463,26 @@ def _map(options: argparse.Namespace) -> int:
         wear=options.wear,
         depth_of_cut=options.depth,
         hardness=options.hardness,
+        advised=_advised(scenario, evidence, options.depth),
         units=SYSTEMS[options.units],
     )
     plot_style.save(figure, options.out)
     print(options.out)
     return DONE
+
+
+def _advised(scenario: Scenario, evidence: "Evidence", depth: float | None) -> "Plan | None":
+    """Return the advised cut at a depth [mm], or None and a warning if none can be advised."""
+    from turning_shop.advise import advise
+
+    if depth is not None:
+        work = scenario.workpiece.model_copy(update={"depth_of_cut": depth})
+        scenario = scenario.model_copy(update={"workpiece": work})
+    try:
+        return advise(scenario, evidence)[0].plan
+    except WorkshopError as error:
+        _warn(f"no advised cut is marked: {error}")
+        return None
 
 
 def _add_map_options(parser: argparse.ArgumentParser) -> None:

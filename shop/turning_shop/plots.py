@@ -22,8 +22,9 @@ from turning_shop.allowed import (
     MAX_DEFLECTION,
     allowed_loads,
     feed_range,
-    theoretical_roughness,
 )
+from turning_shop.callouts import ADVISED, HIGHEST, Callout, Mark, draw_marks, place
+from turning_shop.callouts import handles as mark_handles
 from turning_shop.fit import SETTINGS
 from turning_shop.prediction import Evidence, predict
 from turning_shop.units import METRIC, Units
@@ -35,6 +36,7 @@ from turning_env.scenario import Scenario
 GRID_SIZE = 301  # number of cutting speeds, and of feeds, at which the map evaluates the laws
 # By a power of the wear, force and power are 0 without wear: the fresh edge's map needs a little.
 FRESH_SHARE = 0.3  # wear of the fresh edge's map over the wear criterion [-]
+MIN_DOTTED = 0.02  # share of a map in which dots are seen [-]
 A4 = (11.69, 8.27)  # size of the page, across [inch]
 HEIGHT_RATIOS = (1.2, 1.0)  # heights of the maps and of the text
 SHEET_WIDTH = 190  # of a line of the sheet [characters]
@@ -45,6 +47,7 @@ DISCLAIMER = (
     "Nominal values from measured or assumed laws: limits are kept with the edge worn as stated, "
     "at nominal depth and hardness. A simulation's output: try each change carefully."
 )
+TITLE: dict[str, Any] = {"loc": "left", "fontsize": "medium"}
 _ALLOWED = "#DCEFE6"
 _DOTS = "#999999"
 
@@ -70,6 +73,7 @@ def draw_map(
     wear: float,
     depth_of_cut: float | None = None,
     hardness: float = 1.0,
+    advised: Plan | None = None,
     units: Units = METRIC,
 ) -> Figure:
     """Draw limits, removal rate and tool life over the machine's range of speed and feed.
@@ -80,19 +84,20 @@ def draw_map(
         wear: Flank wear of the edge [mm].
         depth_of_cut: Depth of cut [mm]; by default the nominal one.
         hardness: Hardness of the bar over nominal [-].
+        advised: The advised cut, which is marked beside the highest removal rate.
         units: Units of axes and labels.
 
     Raises:
         WorkshopError: The nose radius allows no feed of the machine.
     """
     figure = Figure(figsize=(8.6, 6.4), layout="constrained")
-    handles = draw_map_on(
+    drawn = draw_map_on(
         figure.subplots(),
         scenario,
         evidence=evidence,
         wear=wear,
-        depth_of_cut=depth_of_cut,
-        hardness=hardness,
+        bar=Bar(depth_of_cut, hardness),
+        advised=advised,
         units=units,
     )
     if evidence.warnings:
@@ -103,8 +108,23 @@ def draw_map(
             ha="left",
             x=0.02,
         )
-    figure.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False)
+    figure.legend(handles=drawn.handles, loc="outside lower center", ncols=2, frameon=False)
+    place(figure, drawn.callouts)
     return _without_formulas(figure)
+
+
+class Bar(NamedTuple):
+    """The bar of a map."""
+
+    depth_of_cut: float | None = None  # [mm]; None: the nominal one
+    hardness: float = 1.0  # over nominal [-]
+
+
+class DrawnMap(NamedTuple):
+    """A map on its axes."""
+
+    handles: list[Any]  # of the legend
+    callouts: list[Callout]
 
 
 def draw_map_on(
@@ -112,14 +132,14 @@ def draw_map_on(
     scenario: Scenario,
     evidence: Evidence,
     wear: float,
-    depth_of_cut: float | None = None,
-    hardness: float = 1.0,
+    bar: Bar = Bar(),  # noqa: B008 - immutable
     advised: Plan | None = None,
     units: Units = METRIC,
-) -> list[Any]:
-    """Draw the map of ``draw_map`` on axes, and return the handles of its legend.
+    has_highest: bool = True,
+) -> DrawnMap:
+    """Draw the map of ``draw_map`` on axes.
 
-    The mark is the advised cut, or the cut with the highest removal rate if there is no advice.
+    Marks are the advised cut, if there is one, and the highest removal rate if ``has_highest``.
     """
     machine = scenario.machine
     speeds = np.linspace(machine.cutting_speed_min, machine.cutting_speed_max, GRID_SIZE)
@@ -129,8 +149,8 @@ def draw_map_on(
         scenario,
         speeds,
         feed=feeds[:, np.newaxis],
-        depth_of_cut=depth_of_cut,
-        hardness=hardness,
+        depth_of_cut=bar.depth_of_cut,
+        hardness=bar.hardness,
         wear=wear,
     )
     kept = _kept(scenario, cuts)
@@ -138,49 +158,52 @@ def draw_map_on(
     shown = _converted(cuts, units)
 
     # Later drawings cover earlier ones: areas come first, the mark comes last.
-    _fill_allowed(axes, shown, kept)
-    _dot_unmeasured(axes, shown, _extrapolating(evidence, cuts))
-    _draw_removal_rate(axes, shown, units)
-    _draw_tool_life(axes, shown)
+    handles = _fill_allowed(axes, shown, kept)
+    has_dots = _dot_unmeasured(axes, shown, _extrapolating(evidence, cuts))
+    curve_handles = _draw_removal_rate(axes, shown, units)
+    curve_handles += _draw_tool_life(axes, shown)
     limit_handles = _draw_load_limits(axes, shown, scenario, evidence)
     limit_handles += _draw_strength_limit(axes, shown, scenario)
-    _mark(
-        axes,
-        cuts,
-        kept=kept,
-        extrapolated=extrapolated,
-        advised=advised,
-        nose_radius=scenario.tool.nose_radius,
-        units=units,
+    marks = _marks(
+        cuts, kept=kept, extrapolated=extrapolated, advised=advised, has_highest=has_highest
     )
+    callouts = draw_marks(axes, marks, scenario.tool.nose_radius, units=units)
+    if not kept.any():
+        axes.set_title("nowhere within limits", loc="right", fontsize="medium", color=VERMILLION)
 
     axes.set(
         xlabel=f"cutting speed [{units.name('m/min')}]",
         ylabel=f"feed [{units.name('mm/rev')}]",
     )
-    bar = "nominal hardness" if hardness == 1 else f"{hardness:g} times nominal hardness"
+    hardness = "nominal hardness"
+    if bar.hardness != 1.0:
+        hardness = f"{bar.hardness:g} times nominal hardness"
     depth = f"depth of cut {cuts.depth_of_cut.flat[0]:g} mm"
-    title = f"{scenario.name}: {depth}, {bar}, {_worn(evidence, wear)}"
-    axes.set_title(units.text(title), loc="left", fontsize="medium")
+    worn = _worn(evidence, wear)
+    title = f"{depth}, {hardness}, {worn}"
+    # The name of a tool is no quantity to convert.
+    axes.set_title(f"{_name(scenario, evidence)}: {units.text(title)}", **TITLE)
 
     for handle in limit_handles:
         handle.set_label(units.text(str(handle.get_label())))
-    handles: list[Any] = []
-    if kept.any():
-        handles.append(Patch(facecolor=_ALLOWED, edgecolor=GREY, label="within the limits"))
-    if not kept.all():
-        handles.append(Patch(facecolor=LIGHT, edgecolor=GREY, label="a limit is exceeded"))
-    handles += limit_handles
-    handles += _curve_handles("advised" if advised else "highest removal rate")
-    if extrapolated.any():
-        dots = Patch(
-            facecolor="white",
-            edgecolor=_DOTS,
-            hatch="..",
-            label=f"* extrapolated: not {evidence.origins} there",
-        )
-        handles.append(dots)
-    return handles
+    handles += limit_handles + curve_handles + mark_handles(marks)
+    has_star = worn.endswith("*") or any(mark.star for mark in marks)
+    if has_dots or has_star:
+        handles.append(_extrapolation_handle(evidence, has_dots))
+    return DrawnMap(handles, callouts)
+
+
+def _name(scenario: Scenario, evidence: Evidence) -> str:
+    """Return the name of the tool, or that of the scenario's file if the tool has none."""
+    return evidence.tool or scenario.name
+
+
+def _extrapolation_handle(evidence: Evidence, has_dots: bool) -> Any:
+    """Return the legend handle of what is extrapolated: of dots, or of a star alone."""
+    label = f"* extrapolated: not {evidence.origins} there"
+    if has_dots:
+        return Patch(facecolor="white", edgecolor=_DOTS, hatch="..", label=label)
+    return Line2D([], [], linestyle="none", label=label)
 
 
 def draw_sheet(
@@ -198,23 +221,34 @@ def draw_sheet(
     pages: Any = figure.subfigures(2, 1, height_ratios=HEIGHT_RATIOS)
     maps, text_page = pages
 
+    handles: dict[str, Any] = {}
+    callouts: list[Callout] = []
     for axes, wear in zip(maps.subplots(1, 2), (fresh, at_change), strict=True):
-        handles = draw_map_on(
-            axes, scenario, evidence=evidence, wear=wear, advised=plan, units=units
+        drawn = draw_map_on(
+            axes,
+            scenario,
+            evidence=evidence,
+            wear=wear,
+            advised=plan,
+            units=units,
+            has_highest=False,
         )
+        callouts += drawn.callouts
+        # Both maps have one legend, which shows what either of them holds.
+        handles |= {handle.get_label(): handle for handle in drawn.handles}
         title = _worn(evidence, wear)
         if wear == at_change:
             title += ", at the change"
-        axes.set_title(units.text(title), loc="left", fontsize="medium")
+        axes.set_title(units.text(title), **TITLE)
     maps.legend(
-        handles=handles,
+        handles=list(handles.values()),
         loc="outside lower center",
         ncols=4,
         frameon=False,
         fontsize="small",
     )
     depth = units.text(f"{scenario.workpiece.depth_of_cut:g} mm deep")
-    maps.suptitle(f"{scenario.name}: {depth}", fontsize="large")
+    maps.suptitle(f"{_name(scenario, evidence)}: {depth}", fontsize="large")
 
     recommendation, *notes = map(units.text, headline(scenario, evidence, advice))
     sentences = []
@@ -233,6 +267,7 @@ def draw_sheet(
         Block(textwrap.wrap(DISCLAIMER, SHEET_WIDTH), size=7),
     ]
     _write(text_page, blocks)
+    place(figure, callouts)
     return _without_formulas(figure)
 
 
@@ -308,10 +343,12 @@ def _kept(scenario: Scenario, cuts: Cuts) -> NDArray[np.bool_]:
     return np.asarray(kept)
 
 
-def _fill_allowed(axes: Axes, cuts: Cuts, kept: NDArray[np.bool_]) -> None:
-    """Fill the area within the limits."""
+def _fill_allowed(axes: Axes, cuts: Cuts, kept: NDArray[np.bool_]) -> list[Any]:
+    """Fill the area within the limits; return a legend handle for each area that there is."""
     axes.set_facecolor(LIGHT)
+    handles = []
     if kept.any():
+        handles.append(Patch(facecolor=_ALLOWED, edgecolor=GREY, label="within the limits"))
         axes.contourf(
             cuts.cutting_speed,
             cuts.feed,
@@ -319,6 +356,9 @@ def _fill_allowed(axes: Axes, cuts: Cuts, kept: NDArray[np.bool_]) -> None:
             levels=(0.5, 1.5),
             colors=[_ALLOWED],
         )
+    if not kept.all():
+        handles.append(Patch(facecolor=LIGHT, edgecolor=GREY, label="a limit is exceeded"))
+    return handles
 
 
 def _converted(cuts: Cuts, units: Units) -> Cuts:
@@ -339,8 +379,11 @@ def _extrapolating(evidence: Evidence, cuts: Cuts) -> NDArray[np.int64]:
     return num_extrapolating
 
 
-def _dot_unmeasured(axes: Axes, cuts: Cuts, num_extrapolating: NDArray[np.int64]) -> None:
-    """Dot the area in which a law is used outside its measured range of settings."""
+def _dot_unmeasured(axes: Axes, cuts: Cuts, num_extrapolating: NDArray[np.int64]) -> bool:
+    """Dot the area in which a law is used outside its measured range of settings.
+
+    Return whether it is large enough to show dots.
+    """
     if num_extrapolating.any():
         dots = axes.contourf(
             cuts.cutting_speed,
@@ -352,10 +395,14 @@ def _dot_unmeasured(axes: Axes, cuts: Cuts, num_extrapolating: NDArray[np.int64]
         )
         dots.set_edgecolor(_DOTS)
         dots.set_linewidth(0.0)
+    return bool((num_extrapolating > 0).mean() > MIN_DOTTED)
 
 
-def _draw_removal_rate(axes: Axes, cuts: Cuts, units: Units) -> None:
-    """Draw lines of round removal rates that end at the right axis, which labels them."""
+def _draw_removal_rate(axes: Axes, cuts: Cuts, units: Units) -> list[Any]:
+    """Draw lines of round removal rates that end at the right axis, which labels them.
+
+    Return their legend handle.
+    """
     low = float(cuts.removal_rate[0, -1])
     high = float(cuts.removal_rate[-1, -1])
     round_rates = MaxNLocator(8, steps=[1, 2, 5, 10]).tick_values(low, high)
@@ -379,10 +426,12 @@ def _draw_removal_rate(axes: Axes, cuts: Cuts, units: Units) -> None:
     )
     unit = units.name("cm3/min").replace("3", "³")
     right.set_ylabel(f"removal rate [{unit}] of the line that ends here", color=GREY)
+    label = "removal rate, see right axis"
+    return [Line2D([], [], color=GREY, linewidth=0.8, label=label)]
 
 
-def _draw_tool_life(axes: Axes, cuts: Cuts) -> None:
-    """Draw lines of round tool lives with labels."""
+def _draw_tool_life(axes: Axes, cuts: Cuts) -> list[Any]:
+    """Draw lines of round tool lives with labels; return their legend handle, if there are any."""
     low = float(cuts.tool_life.min())
     high = min(float(cuts.tool_life.max()), 1e300)  # a life that overflows is infinite
     # Over more than four decades, lines at 2 and 5 as well would hide the map.
@@ -390,7 +439,7 @@ def _draw_tool_life(axes: Axes, cuts: Cuts) -> None:
     round_lives = LogLocator(subs=digits, numticks=1000).tick_values(low, high)
     levels = [life for life in round_lives if low < life < high]
     if not levels:
-        return
+        return []
     lines = axes.contour(
         cuts.cutting_speed,
         cuts.feed,
@@ -402,6 +451,8 @@ def _draw_tool_life(axes: Axes, cuts: Cuts) -> None:
     )
     for text in axes.clabel(lines, fmt="%g min", fontsize=9):
         text.set_bbox({"facecolor": "white", "edgecolor": "none", "pad": 0.8, "alpha": 0.85})
+    label = "tool life, fresh to worn out"
+    return [Line2D([], [], color=GREEN, linewidth=1.4, linestyle=":", label=label)]
 
 
 def _draw_load_limits(
@@ -459,69 +510,19 @@ def _limit_handle(label: str, colour: str, dashes: Any) -> Line2D:
     return Line2D([], [], color=colour, linewidth=2.2, linestyle=dashes, label=label)
 
 
-def _curve_handles(mark_label: str) -> list[Line2D]:
-    """Return the legend handles of removal rate, tool life and the mark."""
-    removal_rate = Line2D(
-        [],
-        [],
-        color=GREY,
-        linewidth=0.8,
-        label="removal rate, see right axis",
-    )
-    tool_life = Line2D(
-        [],
-        [],
-        color=GREEN,
-        linewidth=1.4,
-        linestyle=":",
-        label="tool life, fresh to worn out",
-    )
-    mark = Line2D([], [], color="black", marker="o", linestyle="none", label=mark_label)
-    return [removal_rate, tool_life, mark]
-
-
-def _mark(
-    axes: Axes,
+def _marks(
     cuts: Cuts,
     kept: NDArray[np.bool_],
     extrapolated: NDArray[np.bool_],
     advised: Plan | None,
-    nose_radius: float,
-    units: Units,
-) -> None:
-    """Mark the advised cut, or the highest removal rate within limits, with a star if extrapolated.
-
-    If no cut keeps the limits, say so in place of the mark.
-    """
-    if not kept.any():
-        axes.set_title("nowhere within limits", loc="right", fontsize="medium", color=VERMILLION)
-        return
-    if advised:
-        cut = advised.cuts
-        star = advised.mark
-    else:
+    has_highest: bool,
+) -> list[Mark]:
+    """Return the marks of the advised cut and of the highest removal rate within the limits."""
+    marks = []
+    if advised is not None:
+        marks.append(Mark(ADVISED, advised.cuts, advised.mark))
+    if has_highest and kept.any():
         index = np.where(kept, cuts.removal_rate, 0.0).argmax()
         cut = Cuts._make(np.asarray(values.flat[index]) for values in cuts)
-        star = " *" if extrapolated.flat[index] else ""
-    speed = float(cut.cutting_speed)
-    feed = float(cut.feed)
-    place = (units.unit("m/min").factor * speed, units.unit("mm/rev").factor * feed)
-    axes.plot(*place, marker="o", markersize=9, color="black", clip_on=False, zorder=5)
-    # The text extends from the mark towards the middle of the map.
-    is_right = speed > cuts.cutting_speed.mean()
-    is_upper = feed > cuts.feed.mean()
-    settings = f"{speed:.0f} m/min, {feed:.3g} mm/rev"
-    results = f"{cut.removal_rate:.0f} cm3/min, tool life {cut.tool_life:.3g} min{star}"
-    if nose_radius:
-        results += f"\nRt {theoretical_roughness(feed, nose_radius):.0f} um"
-    results = units.text(results).replace("3/min", "³/min").replace(" um", " µm")
-    axes.annotate(
-        f"{units.text(settings)}:\n{results}",
-        place,
-        xytext=(-12 if is_right else 12, -14 if is_upper else 14),
-        textcoords="offset points",
-        horizontalalignment="right" if is_right else "left",
-        verticalalignment="top" if is_upper else "bottom",
-        bbox={"boxstyle": "round", "facecolor": "white", "edgecolor": GREY, "alpha": 0.95},
-        zorder=6,
-    )
+        marks.append(Mark(HIGHEST, cut, " *" if extrapolated.flat[index] else ""))
+    return marks

@@ -83,6 +83,7 @@ class Evidence(BaseModel, frozen=True, allow_inf_nan=False):
     """The evidence for a scenario's fitted laws, and the name of the file of measurements."""
 
     source: str = ""
+    tool: str = ""  # insert, grade and material, where the laws are those of a catalogue
     warnings: tuple[str, ...] = ()
     laws: dict[str, LawEvidence] = Field(default_factory=dict)
 
@@ -172,7 +173,7 @@ def read_evidence(scenario: Scenario) -> Evidence:
             warnings.append(
                 f"{name}: the law was changed since it was fitted, so no interval is known"
             )
-    return Evidence(source=evidence.source, warnings=tuple(warnings), laws=laws)
+    return evidence.model_copy(update={"warnings": tuple(warnings), "laws": laws})
 
 
 class Prediction(NamedTuple):

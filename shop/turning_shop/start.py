@@ -204,7 +204,8 @@ def job_of(question: Question) -> Job:
         scenario = with_roughness(scenario, question.roughness)
         roughness = scenario.limits.roughness.model_dump(exclude_defaults=True)
         values["limits"]["roughness"] = roughness
-    known = Evidence(source="catalogue", laws=evidence_laws)
+    tool = f"{insert.name} {grade.name} in {material.name}"
+    known = Evidence(source="catalogue", tool=tool, laws=evidence_laws)
     scenario, known = for_advice(
         scenario,
         known,

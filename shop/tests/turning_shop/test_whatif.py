@@ -10,6 +10,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.text import Text
+from turning_shop.advise import advise
+from turning_shop.allowed import NO_STRENGTH
 from turning_shop.plots import draw_map
 from turning_shop.prediction import Evidence, LawEvidence
 from turning_shop.whatif import what_if
@@ -86,7 +91,7 @@ def test_text_names_the_limits_that_are_exceeded(capsys: pytest.CaptureFixture[s
 
 def test_the_map_marks_where_most_metal_is_removed() -> None:
     axes, _ = draw_map(BASE, Evidence(), wear=0.2).axes
-    (mark,) = [line for line in axes.lines if line.get_marker() == "o"]
+    (mark,) = [line for line in axes.lines if line.get_marker() == "D"]
     speed = float(mark.get_xdata()[0])
     feed = float(mark.get_ydata()[0])
     cuts = what_if(BASE, speed, feed, wear=0.2)
@@ -95,6 +100,65 @@ def test_the_map_marks_where_most_metal_is_removed() -> None:
     labels = [text.get_text() for text in axes.texts]
     start = f"{speed:.0f} m/min, {feed:.3g} mm/rev:"
     assert [label for label in labels if label.startswith(start)] != []
+
+
+def marks_of(figure: Figure) -> dict[str, tuple[float, float]]:
+    """Return the marked speeds and feeds by the labels of their markers in the legend."""
+    (legend,) = figure.legends
+    labels = {}
+    for handle in legend.legend_handles:
+        if isinstance(handle, Line2D) and handle.get_marker() in ("o", "D"):
+            labels[handle.get_marker()] = handle.get_label()
+    marks = {}
+    for line in figure.axes[0].lines:
+        if line.get_marker() in labels:
+            place = (float(line.get_xdata()[0]), float(line.get_ydata()[0]))
+            marks[labels[line.get_marker()]] = place
+    return marks
+
+
+def test_the_map_marks_the_advised_cut_beside_the_highest_removal_rate() -> None:
+    plan = advise(BASE, Evidence())[0].plan
+    marks = marks_of(draw_map(BASE, Evidence(), wear=0.2, advised=plan))
+    advised = (float(plan.cuts.cutting_speed), float(plan.cuts.feed))
+    assert marks["advised, least cost"] == pytest.approx(advised)
+    (highest,) = [place for label, place in marks.items() if label.startswith("highest")]
+    assert highest != advised
+
+
+@pytest.mark.parametrize("preset", ["rough_turning", "forging", "override"])
+def test_callouts_cover_no_label_and_no_mark(preset: str) -> None:
+    scenario = Scenario.load(preset)
+    plan = advise(scenario, Evidence())[0].plan
+    figure = draw_map(scenario, Evidence(), wear=0.15, advised=plan)
+    figure.draw_without_rendering()
+    texts = [text for text in figure.axes[0].texts if text.get_text()]
+    callouts = [text for text in texts if "mm/rev" in text.get_text()]
+    labels = [text.get_window_extent() for text in texts if text not in callouts]
+    boxes = [Text.get_window_extent(text) for text in callouts]
+    assert callouts
+    assert labels
+    for box in boxes:
+        assert not any(box.overlaps(label) for label in labels)
+    assert not any(boxes[0].overlaps(box) for box in boxes[1:])
+
+
+@pytest.mark.parametrize("thrust_force", [1500.0, 1e5])
+def test_the_legend_shows_what_the_map_holds(thrust_force: float) -> None:
+    limits = BASE.limits.model_copy(update={"thrust_force": thrust_force, "power": 1e3})
+    tool = BASE.tool.model_copy(update={"edge_strength": NO_STRENGTH})
+    scenario = BASE.model_copy(update={"limits": limits, "tool": tool})
+    (legend,) = draw_map(scenario, Evidence(), wear=0.2).legends
+    labels = " ".join(text.get_text() for text in legend.get_texts())
+    assert ("thrust force" in labels) == (thrust_force == 1500.0)
+    assert ("exceeded" in labels) == (thrust_force == 1500.0)
+    assert "power" not in labels
+    assert "extrapolated" not in labels
+
+
+def test_the_title_is_the_name_of_the_tool() -> None:
+    axes, _ = draw_map(BASE, Evidence(tool="CNMG120408-PM P25"), wear=0.2).axes
+    assert axes.get_title(loc="left").startswith("CNMG120408-PM P25:")
 
 
 def test_the_map_labels_removal_rates_at_the_highest_speed() -> None:
@@ -114,7 +178,7 @@ def test_the_map_labels_removal_rates_at_the_highest_speed() -> None:
 )
 def test_a_star_marks_a_cut_that_extrapolates(lowest_speed: float, ending: str) -> None:
     axes, _ = draw_map(BASE, Evidence(), wear=0.2).axes
-    (mark,) = [line for line in axes.lines if line.get_marker() == "o"]
+    (mark,) = [line for line in axes.lines if line.get_marker() == "D"]
     speed = float(mark.get_xdata()[0])
     law = LawEvidence(
         coefficient=1.0,
