@@ -28,13 +28,22 @@ from turning_shop.advise import (
     table,
     tried_plans,
 )
-from turning_shop.allowed import feed_ends, feed_range, with_roughness
+from turning_shop.allowed import (
+    FEED_PER_NOSE,
+    MAX_DEFLECTION,
+    feed_ends,
+    feed_range,
+    with_roughness,
+)
 from turning_shop.catalogue import UNMEASURED, groups, inserts, laws, materials
 from turning_shop.catalogue.groups import FORCE_DEVIATION
 from turning_shop.catalogue.inserts import Insert, read_insert
 from turning_shop.catalogue.materials import HARDER, Material, find_material
 from turning_shop.catalogue.start_values import (
+    DEPTH_EXPONENT,
+    FEED_EXPONENT,
     FEEDS,
+    FEEDS_SOURCE,
     LIFE,
     Start,
     read_grade,
@@ -43,7 +52,7 @@ from turning_shop.catalogue.start_values import (
 )
 from turning_shop.fit import TYPICAL_EDGE_SPREAD
 from turning_shop.prediction import Evidence, LawEvidence
-from turning_shop.provenance import Stated, for_advice, stated_by
+from turning_shop.provenance import TAYLOR, Stated, for_advice, stated_by
 from turning_shop.units import METRIC, Units
 
 from turning_env.scenario import Scenario
@@ -128,10 +137,19 @@ class Job(NamedTuple):
             f"for a life of {LIFE:g} min with {self.grade} ({'; '.join(self.start.sources)})"
         )
         yield (
+            f"Taylor's n {TAYLOR:g} (Dormer Pramet 2024, p. 76); V f^{FEED_EXPONENT:g} "
+            f"ap^{DEPTH_EXPONENT:g} is constant (handbooks, adaptive part programming paper)"
+        )
+        yield (
             f"{insert.name}: {insert.shape.name}, edge {insert.edge_length:.1f} mm, "
             f"nose radius {insert.nose_radius:g} mm, {insert.edges} edges (ISO 1832); "
             f"{insert.cut.name} ({inserts.CUTS_SOURCE})"
         )
+        if group.letter in FEEDS:
+            low, high = FEEDS[group.letter]
+            yield f"feeds of {low:g} to {high:g} mm/rev in {group.letter} ({FEEDS_SOURCE})"
+        modulus = MODULI[group.letter]
+        yield f"modulus of elasticity {modulus:.0f} N/mm2 of the bar (handbooks)"
 
     @property
     def assumptions(self) -> Iterator[str]:
@@ -142,6 +160,12 @@ class Job(NamedTuple):
         yield from self.insert.assumptions
         yield from self.window.assumptions
         yield from laws.ASSUMED
+        yield (
+            f"feeds up to {FEED_PER_NOSE:g} of the nose radius, depths up to "
+            f"{self.insert.shape.usable:.2g} of the edge's length (rules of thumb)"
+        )
+        if self.scenario.workpiece.support != "rigid":
+            yield f"the thrust may bend the bar by {MAX_DEFLECTION:g} mm"
         for warning in self.evidence.warnings:
             if UNMEASURED not in warning:
                 yield warning
@@ -170,9 +194,11 @@ def job_of(question: Question) -> Job:
         stated_values, preset = stated_by(machine.file)
     stated = set(flat(stated_values))
 
+    held: tuple[str, ...] = ()
     depth = question.depth
     if depth is None:
         depth = min(insert.cut.depth.usual, insert.max_depth)
+        held = (f"no --depth is given: {depth:.3g} mm, the usual one of its chip breaker",)
     start = start_of(material.group, grade)
     if question.start_speed is not None:
         start = stated_start(question.start_speed, insert.cut.feed.usual, depth)
@@ -183,23 +209,17 @@ def job_of(question: Question) -> Job:
     evidence_laws = laws.evidence_of(fitted, start, window.feeds, window.depths)
     values = _values(question, insert=insert, window=window, depth=depth)
     values["workpiece"]["elastic_modulus"] = MODULI[material.group.letter]
-    held: tuple[str, ...] = ()
     if question.support:
         values["workpiece"]["support"] = question.support
     elif "workpiece.support" not in stated:
         values["workpiece"]["support"] = "chuck"
-        held = ("the chuck alone holds the bar: --support states another",)
+        held += ("the chuck alone holds the bar: --support states another",)
     values["material"] = fitted.model_dump()
     values["limits"] = _limits(machine, stated, fitted=fitted, insert=insert, window=window)
     if "economics.edges_per_insert" not in stated:
         values["economics"] = {"edges_per_insert": float(insert.edges)}
-    name = re.sub(r"[^A-Za-z0-9.-]+", "_", f"{material.name}_{insert.name}_{grade.name}")[:64]
-    base = machine.model_dump(exclude={"name"})
-    for start_name in ("initial_cutting_speed", "initial_feed"):
-        # A start that only the preset states moves into the range.
-        if f"control.{start_name}" not in stated:
-            del base["control"][start_name]
-    scenario = Scenario.load({"name": name.strip("_.")} | merged(base, values))
+    name = f"{material.name}_{insert.name}_{grade.name}"
+    scenario = _scenario(name, machine, stated=stated, values=values)
     if question.roughness is not None:
         scenario = with_roughness(scenario, question.roughness)
         roughness = scenario.limits.roughness.model_dump(exclude_defaults=True)
@@ -225,6 +245,17 @@ def job_of(question: Question) -> Job:
     )
 
 
+def _scenario(name: str, machine: Scenario, stated: set[str], values: dict[str, Any]) -> Scenario:
+    """Return the machine's scenario with the values of a job."""
+    allowed_name = re.sub(r"[^A-Za-z0-9.-]+", "_", name)[:64]
+    base = machine.model_dump(exclude={"name"})
+    for start_name in ("initial_cutting_speed", "initial_feed"):
+        # A start that only the preset states moves into the range.
+        if f"control.{start_name}" not in stated:
+            del base["control"][start_name]
+    return Scenario.load({"name": allowed_name.strip("_.")} | merged(base, values))
+
+
 def _check_depth(depth: float, insert: Insert) -> None:
     if depth > insert.max_depth:
         raise WorkshopError(
@@ -234,79 +265,98 @@ def _check_depth(depth: float, insert: Insert) -> None:
         )
 
 
+class _Span(NamedTuple):
+    """A range of speeds or feeds."""
+
+    low: float
+    high: float
+    catalogue_ends: frozenset[str]  # fields of the scenario whose ends are the catalogue's
+    assumptions: tuple[str, ...]
+
+
 def _window(
     question: Question, insert: Insert, start: Start, machine: Scenario, stated: set[str]
 ) -> Window:
     """Return where insert, grade and machine allow cuts."""
-    assumptions: list[str] = []
-    ends = {
-        "machine.cutting_speed_min",
-        "machine.cutting_speed_max",
-        "machine.feed_min",
-        "machine.feed_max",
-    }
-    low_speed = start.speeds.low
-    high_speed = start.speeds.high
-    if "machine.cutting_speed_max" in stated and machine.machine.cutting_speed_max < high_speed:
-        high_speed = machine.machine.cutting_speed_max
-        ends.discard("machine.cutting_speed_max")
-    reached = high_speed
-    if machine.spindle.max_speed and "spindle.max_speed" in stated:
-        by_spindle = math.pi * question.stock.diameter * machine.spindle.max_speed / 1000.0
-        reached = min(high_speed, by_spindle)
-    if reached <= low_speed:
-        low_speed = UNREACHED * reached
-        assumptions.append(
-            f"the machine reaches {reached:.0f} m/min at {question.stock.diameter:g} mm diameter, "
-            f"less than the catalogue's lowest, {start.speeds.low:.0f} m/min"
-        )
-    lowest = machine.machine.cutting_speed_min
-    if "machine.cutting_speed_min" in stated and lowest > low_speed:
-        if lowest >= reached:
-            raise WorkshopError(
-                f"machine.cutting_speed_min is {lowest:g} m/min, but {insert.name} "
-                f"{question.grade} cuts at up to {reached:.0f} m/min in this material"
-            )
-        low_speed = lowest
-        ends.discard("machine.cutting_speed_min")
-
-    low_feed, high_feed = question.feeds or insert.feeds
-    by_material = FEEDS.get(find_material(question.material).group.letter)
-    if by_material and question.feeds is None:
-        low_feed = max(by_material[0], min(low_feed, 0.5 * by_material[1]))
-        high_feed = min(high_feed, by_material[1])
-    if "machine.feed_max" in stated and machine.machine.feed_max < high_feed:
-        high_feed = machine.machine.feed_max
-        ends.discard("machine.feed_max")
-    highest = min(high_feed, _highest_feed(question, insert))
-    if low_feed >= highest:
-        low_feed = UNREACHED * highest
-        assumptions.append(
-            f"feeds begin at {low_feed:.3g} mm/rev: the nose radius of {insert.nose_radius:g} mm, "
-            "the roughness or the machine end them below the chip breaker's window, "
-            "where chips may not break"
-        )
-    if "machine.feed_min" in stated and machine.machine.feed_min > low_feed:
-        if machine.machine.feed_min >= highest:
-            raise WorkshopError(
-                f"machine.feed_min is {machine.machine.feed_min:g} mm/rev, but {insert.name} "
-                f"takes up to {highest:.3g} mm/rev, by its nose radius or the roughness"
-            )
-        low_feed = machine.machine.feed_min
-        ends.discard("machine.feed_min")
-
-    if question.depth is not None and not insert.depths[0] <= question.depth <= insert.depths[1]:
-        assumptions.append(
-            f"{question.depth:g} mm is outside the {insert.depths[0]:g} to "
-            f"{insert.depths[1]:.2g} mm of its chip breaker: chips may not break"
+    speeds = _speeds(question, start, machine=machine, stated=stated)
+    feeds = _feeds(question, insert, machine=machine, stated=stated)
+    assumptions = speeds.assumptions + feeds.assumptions
+    low_depth, high_depth = insert.depths
+    if question.depth is not None and not low_depth <= question.depth <= high_depth:
+        assumptions += (
+            f"{question.depth:g} mm is outside the {low_depth:g} to {high_depth:.2g} mm of its "
+            "chip breaker: chips may not break",
         )
     return Window(
-        speeds=(low_speed, high_speed),
-        feeds=(low_feed, high_feed),
+        speeds=(speeds.low, speeds.high),
+        feeds=(feeds.low, feeds.high),
         depths=insert.depths,
-        catalogue_ends=frozenset(ends),
-        assumptions=tuple(assumptions),
+        catalogue_ends=speeds.catalogue_ends | feeds.catalogue_ends,
+        assumptions=assumptions,
     )
+
+
+def _speeds(question: Question, start: Start, machine: Scenario, stated: set[str]) -> _Span:
+    """Return the cutting speeds of the catalogue that the machine reaches [m/min]."""
+    ends = {"machine.cutting_speed_min", "machine.cutting_speed_max"}
+    assumptions: tuple[str, ...] = ()
+    low = start.speeds.low
+    high = start.speeds.high
+    if "machine.cutting_speed_max" in stated and machine.machine.cutting_speed_max < high:
+        high = machine.machine.cutting_speed_max
+        ends.discard("machine.cutting_speed_max")
+    reached = high
+    if machine.spindle.max_speed and "spindle.max_speed" in stated:
+        by_spindle = math.pi * question.stock.diameter * machine.spindle.max_speed / 1000.0
+        reached = min(high, by_spindle)
+    if reached <= low:
+        assumptions = (
+            f"the machine reaches {reached:.0f} m/min at {question.stock.diameter:g} mm diameter, "
+            f"less than the catalogue's lowest, {low:.0f} m/min",
+        )
+        low = UNREACHED * reached
+    lowest = machine.machine.cutting_speed_min
+    if "machine.cutting_speed_min" in stated and lowest > low:
+        if lowest >= reached:
+            raise WorkshopError(
+                f"machine.cutting_speed_min is {lowest:g} m/min, but {question.tool} "
+                f"{question.grade} cuts at up to {reached:.0f} m/min in this material"
+            )
+        low = lowest
+        ends.discard("machine.cutting_speed_min")
+    return _Span(low, high, catalogue_ends=frozenset(ends), assumptions=assumptions)
+
+
+def _feeds(question: Question, insert: Insert, machine: Scenario, stated: set[str]) -> _Span:
+    """Return the feeds of insert and material that the machine has [mm/rev]."""
+    ends = {"machine.feed_min", "machine.feed_max"}
+    assumptions: tuple[str, ...] = ()
+    low, high = question.feeds or insert.feeds
+    by_material = FEEDS.get(find_material(question.material).group.letter)
+    if by_material and question.feeds is None:
+        low = max(by_material[0], min(low, UNREACHED * by_material[1]))
+        high = min(high, by_material[1])
+    if "machine.feed_max" in stated and machine.machine.feed_max < high:
+        high = machine.machine.feed_max
+        ends.discard("machine.feed_max")
+    highest = min(high, _highest_feed(question, insert))
+    if low >= highest:
+        low = UNREACHED * highest
+        assumptions = (
+            f"feeds begin at {low:.3g} mm/rev: the nose radius of {insert.nose_radius:g} mm, "
+            "the roughness or the machine end them below the chip breaker's window, "
+            "where chips may not break",
+        )
+    lowest = machine.machine.feed_min
+    if "machine.feed_min" in stated and lowest > low:
+        if lowest >= highest:
+            raise WorkshopError(
+                f"machine.feed_min is {lowest:g} mm/rev, but {insert.name} takes up to "
+                f"{highest:.3g} mm/rev, by its nose radius or the roughness"
+            )
+        low = lowest
+        ends.discard("machine.feed_min")
+    return _Span(low, high, catalogue_ends=frozenset(ends), assumptions=assumptions)
 
 
 def _highest_feed(question: Question, insert: Insert) -> float:

@@ -137,7 +137,7 @@ def test_values_that_no_file_states_are_named_and_their_limits_are_off(tmp_path:
     warnings = "\n".join(evidence.warnings)
     assert "limits.thrust_force is off" in warnings
     assert "workpiece.depth_of_cut 2.5" in warnings
-    assert "diameter" not in warnings
+    assert "workpiece.diameter" not in warnings
     assert "power: the law was not measured" in warnings
     wear = scenario.material.wear
     preset = Scenario().material.wear

@@ -40,8 +40,8 @@ MANY = 1e6  # degrees of freedom of a width that is not estimated from rows
 ASSUMED = (
     f"flank wear grows with the root of time, W ~ t^{WEAR_EXPONENT:g}",
     f"thrust is {THRUST_SHARE:g} of the cutting force (0.35 to 0.6)",
-    f"thrust grows by {TYPICAL_GROWTH['thrust_force']:g} 1/mm of flank wear and power by "
-    f"{TYPICAL_GROWTH['power']:g} 1/mm, as on 13 tools of Vicomtech",
+    f"thrust grows as 1 + {TYPICAL_GROWTH['thrust_force']:g} VB and power as "
+    f"1 + {TYPICAL_GROWTH['power']:g} VB, with flank wear VB in mm, as on 13 tools of Vicomtech",
     "the entering angle is near 90 degrees",
 )
 """What the laws assume, for people."""

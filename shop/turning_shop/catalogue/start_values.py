@@ -120,10 +120,8 @@ START_VALUES = {
 }
 """Start values of each group of VDI 3323, in the order of their grades."""
 FEEDS = {"M": (0.1, 0.4), "N": (0.1, 0.4), "S": (0.1, 0.3)}
-"""Feeds for which makers have start values, by group of ISO 513 [mm/rev].
-
-Sources: Kyocera 2016-2017, p. 214 (M); DGI Supply (N, S).
-"""
+"""Feeds for which makers have start values, by group of ISO 513 [mm/rev]."""
+FEEDS_SOURCE = "Kyocera 2016-2017, p. 214, for M; DGI Supply for N and S"
 
 
 class Grade(NamedTuple):
