@@ -73,7 +73,8 @@ def _add_stock_options(parser: argparse.ArgumentParser) -> None:
         metavar="NAME=KIND",
         help=(
             "kind of a tool: outside, inside, left, copying, neutral, groove:WIDTH, "
-            "drill:DIAMETER; -left and -inside may follow (default: as it moves); can be repeated"
+            "face-groove:WIDTH, drill:DIAMETER; -left and -inside may follow "
+            "(default: as it moves); can be repeated"
         ),
     )
     parser.add_argument(

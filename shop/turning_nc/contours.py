@@ -1,7 +1,7 @@
 """Contours of cycles: the paths of their blocks, the side that is turned, and their passes."""
 
 import copy
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 from turning_nc.control import Control, Kind
@@ -63,7 +63,7 @@ def radius_per_x(control: Control) -> float:
 
 
 def choose_side(
-    control: Control, contour: list[Path], allowance: Point, facing: bool, machining: str = ""
+    control: Control, contour: Sequence[Path], allowance: Point, facing: bool, machining: str = ""
 ) -> Side:
     """Return and keep the side of a contour that a cycle turns.
 
@@ -102,7 +102,7 @@ def choose_side(
         raise BlockError(f"it cuts {why}, but the sign of {address} says the other side: {choice}")
     along_z = [point.z for point in places]
     reach = (min(along_z), max(along_z))
-    side = Side(upwards, why, facing=facing, start=start, reach=reach)
+    side = Side(upwards, why, facing=facing, start=start, reach=reach, is_settable=not facing)
     control.sides[line] = side
     return side
 

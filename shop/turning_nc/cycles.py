@@ -67,6 +67,7 @@ class Side:
     facing: bool
     start: Point
     reach: tuple[float, float]  # least and largest Z of the contour [mm]
+    is_settable: bool = True  # whether the user may give another
 
     @property
     def name(self) -> str:

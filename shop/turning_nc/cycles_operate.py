@@ -54,7 +54,8 @@ def run_cycle_of_sinumerik(control: Control, call: Word, part: str) -> None:
 
 def _digit(number: float, place: int) -> int:
     """Return a decimal digit of a number; place 0 is that of the units."""
-    return int(number) // 10**place % 10
+    shifted = int(number) // int(10**place)
+    return shifted % 10
 
 
 class _Call:

@@ -6,7 +6,7 @@ names, such as MID.
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Self
 
 from turning_nc.contours import add_passes, choose_side, contour_of
@@ -74,6 +74,7 @@ class StockRemoval:
     finishing_feed: Setting
     retraction: float  # distance by which the tool leaves the metal [mm]
     blank: Point | None = None  # corner of the blank; None if it is the contour's
+    is_settable: bool = False  # whether the user may give another side
 
 
 def remove_stock(control: Control, contour: Sequence[Path], removal: StockRemoval) -> None:
@@ -83,7 +84,8 @@ def remove_stock(control: Control, contour: Sequence[Path], removal: StockRemova
         BlockError: the contour is not understood, the depth of the passes is not above 0, or the
             user gives another side.
     """
-    given_side = control.given_sides.get(control.line.number, removal.machining)
+    line = control.line.number
+    given_side = control.given_sides.get(line, removal.machining)
     if given_side != removal.machining:
         raise BlockError(f"--side is {given_side}, but its arguments say {removal.machining}")
     facing = removal.facing
@@ -97,6 +99,8 @@ def remove_stock(control: Control, contour: Sequence[Path], removal: StockRemova
         facing=facing,
         machining=removal.machining,
     )
+    is_settable = chosen.is_settable and removal.is_settable
+    control.sides[line] = replace(chosen, is_settable=is_settable)
     if removal.roughs:
         control.feed = removal.roughing_feed
         top = None
@@ -256,6 +260,7 @@ def run_cycle95(control: Control, arguments: Sequence[Argument], part: str) -> N
         roughing_feed=call.roughing_feed,
         finishing_feed=call.finishing_feed,
         retraction=call.retraction,
+        is_settable=True,
     )
     remove_stock(control, contour, removal)
 
@@ -266,7 +271,7 @@ def _contour_lines(control: Control, name: str, part: str) -> ContourLines:
         labels = [label.strip() for label in name.upper().split(":")]
         if len(labels) != 2:
             raise BlockError(f"the contour {name!r} must be a sub-program or two labels")
-        return labelled_lines(control, *labels, part=part)
+        return labelled_lines(control, labels[0], labels[1], part=part)
     return lines_of_sub_program(control, name)
 
 
@@ -296,7 +301,8 @@ def lines_of_sub_program(control: Control, name: str) -> ContourLines:
     lines = program.parts.get(name.upper())
     if lines is None:
         raise BlockError(
-            f"the contour {name!r} is not in this file; its sub-programs are {program.sub_programs}"
+            f"the contour {name!r} is neither in this file nor in a file beside it, such as "
+            f"{name[:30]}.SPF; the sub-programs here are {program.sub_programs}"
         )
     return ContourLines(name.upper(), 0, end=len(lines))
 

@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from turning_nc.cutting import Machine, Situation, motion
 from turning_nc.moves import run
+from turning_nc.program_files import read_program
 from turning_nc.removal import remove
 from turning_nc.stock import guessed_stock, read_stock
-from turning_nc.words import NcError, naming, read_program_file
+from turning_nc.words import NcError, naming
 from turning_shop import Values
 
 from turning_env.action import set_point_action
@@ -99,7 +100,7 @@ class ToolPath:
                 'control.action is "part", but a program is played where speed and feed are set '
                 "step by step"
             )
-        text = read_program_file(Path(program))
+        text = read_program(Path(program))
         with naming(program):
             moves = run(text)
         polygon = read_stock(stock) if stock else guessed_stock(moves, tools)[0]

@@ -22,6 +22,7 @@ MAX_CUTTING_FEED = 1.5  # feed above which a tool is only placed [mm/rev] (assum
 MAX_TOOLS = 200  # of a program; a turret has about twelve
 GROOVE = 3.0  # width of a grooving tool whose width is not given [mm] (assumption)
 DRILL = "drill"
+FACE_GROOVE = "face-groove"
 
 # Of a grooving tool or a drill [mm].
 MIN_WIDTH = 0.01

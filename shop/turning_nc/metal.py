@@ -45,7 +45,8 @@ class Metal:
         # Bounds of the pieces: lowest Z and X, highest Z and X [mm].
         self._bounds = np.full((FIRST_PLACES, 4), _NOWHERE)
         self._free = list(range(FIRST_PLACES))
-        self._put(polygon)
+        polygons = np.array([polygon], dtype=object)
+        self._put(polygons, shapely.get_num_coordinates(polygons))
 
     @property
     def pieces(self) -> NDArray[Any]:
@@ -107,18 +108,25 @@ class Metal:
             self._free.append(place)
         counts = shapely.get_num_coordinates(left)
         is_small = (counts > 0) & (counts <= MAX_SMALL)
-        for piece in left[~is_small]:
-            self._put(piece)
-        for piece in joined(left[is_small]):
-            self._put(piece)
+        is_large = (counts > 0) & ~is_small
+        self._put(left[is_large], counts[is_large])
+        small = list(joined(left[is_small]))
+        self._put(np.array(small, dtype=object), shapely.get_num_coordinates(small))
 
-    def _put(self, polygon: Any) -> None:
-        for piece in divided(polygon):
+    def _put(self, polygons: NDArray[Any], counts: NDArray[Any]) -> None:
+        """Add polygons with their numbers of vertices, divided where they have too many."""
+        pieces: list[Any] = []
+        for polygon, count in zip(polygons, counts.tolist(), strict=True):
+            if count > MAX_VERTICES:
+                pieces += divided(polygon)
+            else:
+                pieces.append(polygon)
+        for piece, bounds in zip(pieces, shapely.bounds(pieces), strict=True):
             if not self._free:
                 self._grow()
             place = self._free.pop()
             self._pieces[place] = piece
-            self._bounds[place] = shapely.bounds(piece)
+            self._bounds[place] = bounds
 
     def _grow(self) -> None:
         count = len(self._pieces)

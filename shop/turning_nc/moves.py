@@ -157,7 +157,8 @@ def _notes(control: Control) -> tuple[str, ...]:
             note = f"left out: {reason} {place.where}".rstrip()
             notes.setdefault(note, []).append(place.line)
     in_order = sorted(notes.items(), key=lambda item: min(item[1]))
-    return tuple(f"{at_lines(lines)}: {note}" for note, lines in in_order)
+    notes_on_lines = [f"{at_lines(lines)}: {note}" for note, lines in in_order]
+    return (*control.program.notes, *notes_on_lines)
 
 
 class ProgramControl(Control):
@@ -404,8 +405,8 @@ class ProgramControl(Control):
         count = 1 if times is None else int(times)
         if name not in self.program.parts or name == self.program.main:
             raise BlockError(
-                f"the sub-program {name} is not in this file; "
-                f"its sub-programs are {self.program.sub_programs}"
+                f"the sub-program {name} is neither in this file nor in one of its name beside it; "
+                f"the sub-programs here are {self.program.sub_programs}"
             )
         if not 0 < count <= MAX_TIMES:
             raise BlockError(

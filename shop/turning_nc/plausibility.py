@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from turning_nc.cutting import Play, Situation
 from turning_nc.edges import parts_per_edge
+from turning_nc.kinds import DRILL, FACE_GROOVE
 from turning_nc.tool_shapes import tool_shape
 from turning_nc.words import at_lines
 from turning_shop import Values
@@ -245,7 +246,7 @@ def _backwards(situation: Situation) -> Mask:
     hand = np.zeros(len(slices.length))
     for tool, is_tool in situation.by_tool.items():
         kind = situation.removal.tools[tool]
-        if not kind.startswith(("groove", "drill", "neutral")):
+        if not kind.startswith(("groove", FACE_GROOVE, DRILL, "neutral")):
             hand[is_tool] = -1.0 if "left" in kind else 1.0
     length = np.maximum(slices.length, 1e-9)
     along = (slices.end[:, 0] - slices.start[:, 0]) / length

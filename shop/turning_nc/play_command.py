@@ -13,8 +13,9 @@ from typing import Any
 from turning_nc import adapt, cutting, edges, moves, removal, stock
 from turning_nc.dialects import DIALECTS
 from turning_nc.plausibility import implausible
+from turning_nc.program_files import read_program
 from turning_nc.report import Row, Summary, changes, comparison, findings, rows, summary, table
-from turning_nc.words import NcError, PartProgram, naming, read_program_file
+from turning_nc.words import NcError, PartProgram, naming
 from turning_shop import refuse_existing
 from turning_shop.allowed import limited_by_bar, limited_by_strength
 from turning_shop.prediction import Evidence
@@ -127,7 +128,7 @@ def _check_out(options: argparse.Namespace) -> None:
 
 
 def _play(options: argparse.Namespace, laws: _Laws) -> _Results:
-    program = read_program_file(options.program, DIALECTS.get(options.dialect))
+    program = read_program(options.program, DIALECTS.get(options.dialect))
     reading = moves.Reading(
         go_on=options.go_on,
         unit=options.unit,
@@ -242,7 +243,8 @@ def _print(options: argparse.Namespace, results: _Results, adaption: _Adaption |
     lines += results.totals.lines()
     lines += findings(results.rows)
     for line, side in situation.moves.sides.items():
-        lines.append(f"line {line} turns {side.name}, {side.why}; --side sets it")
+        hint = "; --side sets it" if side.is_settable else ""
+        lines.append(f"line {line} turns {side.name}, {side.why}{hint}")
     for name, text in results.implausible.items():
         lines.append(f"warning: {name}: {text}")
     notes = list(results.notes)

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from turning_nc.kinds import DRILL, MAX_WIDTH, MIN_WIDTH
+from turning_nc.kinds import DRILL, FACE_GROOVE, MAX_WIDTH, MIN_WIDTH
 from turning_nc.paths import shifted
 from turning_nc.words import NcError
 from turning_shop import Values
@@ -35,16 +35,20 @@ ANGLES = {
     "neutral": EdgeAngles(72.5, 107.5),
 }
 """Inserts with a corner of 80 degrees for turning and facing, of 35 degrees for other work."""
+_MARKS = {"groove": "-inside", FACE_GROOVE: "-outer", DRILL: ""}
+"""Marks that may follow tools with a width."""
+_WITH_WIDTH = re.compile(r"(groove|face-groove|drill):(\d+(?:\.\d+)?)(-inside|-outer)?")
 KINDS = (
     f"{', '.join(ANGLES)}, also with -left and -inside; inside, left, left-inside; "
-    "groove:WIDTH(-inside), drill:DIAMETER"
+    "groove:WIDTH(-inside), face-groove:WIDTH(-outer), drill:DIAMETER"
 )
 
 
 def tool_shape(kind: str, slim: bool = False) -> Values | None:
     """Return the corners of a tool; None if it removes nothing, as a drill without a diameter.
 
-    The tip of a grooving tool is its left corner.
+    The tip of a grooving tool is its left corner; of one for faces, its corner nearer to the axis,
+    or the other one with -outer.
 
     Args:
         kind: one of ``KINDS``.
@@ -68,13 +72,17 @@ def tool_shape(kind: str, slim: bool = False) -> Values | None:
         if slim and name == "outside":
             angles = EdgeAngles(first=ANGLES["copying"].first, second=angles.second)
         return _insert(angles, marks)
-    match = re.fullmatch(r"(groove|drill):(\d+\.?\d*)(?:(?<=\d)(-inside))?", kind)
-    if match is None or not MIN_WIDTH <= float(match[2]) <= MAX_WIDTH:
+    match = _WITH_WIDTH.fullmatch(kind)
+    is_known = match is not None and match[3] in (None, _MARKS[match[1]])
+    if match is None or not (is_known and MIN_WIDTH <= float(match[2]) <= MAX_WIDTH):
         raise NcError(f"{kind!r} is no kind of tool: {KINDS}, {MIN_WIDTH:g} to {MAX_WIDTH:g} mm")
     width = float(match[2])
+    is_marked = match[3] is not None
     if match[1] == DRILL:
         return _drill(diameter=width)
-    return _grooving_tool(width, is_inside=match[3] is not None)
+    if match[1] == FACE_GROOVE:
+        return _face_grooving_tool(width, is_outer=is_marked)
+    return _grooving_tool(width, is_inside=is_marked)
 
 
 def _insert(angles: EdgeAngles, marks: Sequence[str]) -> Values:
@@ -105,4 +113,11 @@ def _grooving_tool(width: float, is_inside: bool) -> Values:
     """Return the corners of a grooving tool."""
     corners = np.array(((0.0, 0.0), (width, 0.0), (width, EDGE_LENGTH), (0.0, EDGE_LENGTH)))
     across = -1.0 if is_inside else 1.0
+    return corners * (1.0, across)
+
+
+def _face_grooving_tool(width: float, is_outer: bool) -> Values:
+    """Return the corners of a tool that cuts grooves into faces."""
+    corners = np.array(((0.0, 0.0), (EDGE_LENGTH, 0.0), (EDGE_LENGTH, width), (0.0, width)))
+    across = -1.0 if is_outer else 1.0
     return corners * (1.0, across)

@@ -234,6 +234,7 @@ class PartProgram:
     text: str
     dialect: Dialect
     parts: dict[str, tuple[Line, ...]]
+    notes: tuple[str, ...] = ()  # on its files
 
     @property
     def main(self) -> str:

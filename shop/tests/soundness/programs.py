@@ -131,6 +131,8 @@ TOOLS = (
     "neutral",
     "groove:3",
     "groove:2-inside",
+    "face-groove:4",
+    "face-groove:3-outer",
     "drill:8",
     None,
 )

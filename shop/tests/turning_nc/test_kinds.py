@@ -12,6 +12,7 @@ pytest.importorskip("shapely")
 from turning_nc.cutting import Machine, Situation, play
 from turning_nc.removal import remove
 from turning_nc.stock import guessed_stock, read_stock
+from turning_nc.words import NcError
 
 from shop.tests.turning_nc.programs import moves
 from turning_env import Scenario
@@ -128,3 +129,28 @@ def test_no_drill_is_guessed_that_could_not_be_given(diameter: str) -> None:
 def test_a_tool_that_pecks_at_one_diameter_is_a_drill_of_it() -> None:
     text = f"{HEAD}G0 X12.5 Z2.\n{PECKS}G0 Z5.\nM30"
     assert kind_of(text, "bar:60x60") == "drill:12.5"
+
+
+FACE_GROOVE = "G21 G99 T0303\nG97 S600 M3\nG0 X40. Z2.\nG74 R0.5\nG74 X44. Z-6. P2000 Q2000 F0.08"
+
+
+@pytest.mark.parametrize(
+    ("kind", "inner", "outer"), [("face-groove:4", 20.0, 26.0), ("face-groove:4-outer", 16.0, 22.0)]
+)
+def test_a_groove_in_a_face_is_as_wide_as_its_tool_and_its_shift(
+    kind: str, inner: float, outer: float
+) -> None:
+    stock = read_stock("bar:60x40")
+    removal = remove(moves(FACE_GROOVE), stock, {"T0303": kind})
+    low_z, low_x, high_z, high_x = stock.difference(removal.part).bounds
+    assert (low_z, high_z) == (-6.0, 0.0)
+    assert (low_x, high_x) == (inner, outer)
+    # The second plunge has 2 mm left.
+    assert removal.slices.depth.max() == pytest.approx(4.0)
+    assert removal.gouged == {}
+
+
+@pytest.mark.parametrize("kind", ["face-groove:4-inside", "groove:3-outer", "drill:8-inside"])
+def test_a_mark_that_a_tool_does_not_have_is_refused(kind: str) -> None:
+    with pytest.raises(NcError, match="no kind of tool"):
+        remove(moves(FACE_GROOVE), read_stock("bar:60x40"), {"T0303": kind})

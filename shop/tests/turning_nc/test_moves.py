@@ -91,7 +91,7 @@ DAMAGES = {
     ),
     "thread without lead": Damage(ISO, "M98 P7", "G32 Z-5.", 10, "lead"),
     "missing contour of CYCLE95": Damage(
-        SIEMENS, '"KONTUR"', '"CONTOUR"', 5, "'CONTOUR' is not in this file"
+        SIEMENS, '"KONTUR"', '"CONTOUR"', 5, "'CONTOUR' is neither in this file"
     ),
     "CYCLE95 without depth": Damage(SIEMENS, '"KONTUR",2,', '"KONTUR",0,', 5, "above 0"),
     "unknown kind of machining": Damage(SIEMENS, "0.15,9)", "0.15,13)", 5, "1 to 12"),
