@@ -640,6 +640,9 @@ def _job(options: argparse.Namespace) -> "start.Job | None":
         raise WorkshopError(f"leave out --nose-radius: the insert {options.tool} states it")
     if options.out and options.out.suffix != ".toml":
         raise WorkshopError(f"--out is {options.out}, but a scenario's name must end in .toml")
+    machine = Path(options.machine or "rough_turning")
+    if options.out and options.out.resolve() == machine.resolve():
+        raise WorkshopError(f"--out is {options.out}, but must not be the file of --machine")
     question = start.Question(
         options.material,
         options.tool,

@@ -154,6 +154,8 @@ class Job(NamedTuple):
     @property
     def assumptions(self) -> Iterator[str]:
         """Sentences on numbers without a source, and on the user's own that are missing."""
+        if not self.material.number and self.material.name != self.material.group.name:
+            yield f"{self.material.name} is taken as the usual alloy: its number tells it exactly"
         if self.material.group.name in HARDER and self.material.name != self.material.group.name:
             yield f"the material is annealed; {HARDER[self.material.group.name]}"
         yield from self.start.assumptions
@@ -203,7 +205,7 @@ def job_of(question: Question) -> Job:
     if question.start_speed is not None:
         start = stated_start(question.start_speed, insert.cut.feed.usual, depth)
     window = _window(question, insert=insert, start=start, machine=machine, stated=stated)
-    _check_depth(depth, insert)
+    _check_depth(depth, insert, stock=question.stock)
 
     fitted = laws.material_of(material.group, start, machine.tool.wear_criterion)
     evidence_laws = laws.evidence_of(fitted, start, window.feeds, window.depths)
@@ -256,7 +258,11 @@ def _scenario(name: str, machine: Scenario, stated: set[str], values: dict[str, 
     return Scenario.load({"name": allowed_name.strip("_.")} | merged(base, values))
 
 
-def _check_depth(depth: float, insert: Insert) -> None:
+def _check_depth(depth: float, insert: Insert, stock: Stock) -> None:
+    if 2.0 * depth >= stock.diameter:
+        raise WorkshopError(
+            f"--depth {depth:g} mm reaches the axis of a bar of {stock.diameter:g} mm diameter"
+        )
     if depth > insert.max_depth:
         raise WorkshopError(
             f"--depth {depth:g} mm is too deep for {insert.name}: its edge of "

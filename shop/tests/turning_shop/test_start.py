@@ -147,6 +147,8 @@ def test_advice_lies_within_makers_ranges(maker: Maker, machine: str) -> None:
         ("EN-GJL-250", "K15"),
         ("ti 6al 4v", "S37"),
         ("6061", "N22"),
+        ("Cast Iron", "K15"),
+        ("brass", "N27"),
     ],
 )
 def test_a_material_is_found_by_group_number_and_name(text: str, group: str) -> None:
@@ -206,6 +208,7 @@ def test_the_chip_breakers_letter_gives_the_window() -> None:
         ("CNMG130408", "did you mean 12"),
         ("XNMG120408", "shape X is not known"),
         ("CNMG120400", "nose radius is 0"),
+        ("RCMT1204M0", "round inserts are not covered"),
     ],
 )
 def test_a_wrong_designation_says_what_is_right(text: str, message: str) -> None:
@@ -284,6 +287,8 @@ def test_a_depth_beyond_the_edge_is_refused_and_one_beyond_the_breaker_is_named(
     question = Question("P6", "CNMG120408-PM", "P25", BAR, depth=12.0)
     with pytest.raises(WorkshopError, match=r"cuts up to 8\.6 mm"):
         job_of(question)
+    with pytest.raises(WorkshopError, match="reaches the axis"):
+        job_of(question._replace(stock=Stock(diameter=4.0, length=20.0), depth=2.0))
     shallow = job_of(question._replace(depth=0.4))
     assert any("chips may not break" in text for text in shallow.assumptions)
 
@@ -310,6 +315,11 @@ def test_the_written_scenario_gives_the_same_advice(
         ("", "give a SCENARIO"),
         ("--material P6 --grade P25", "missing: --tool, --stock"),
         ("rough_turning --material P6", "laws of its own"),
+        (
+            "--material P6 --tool CNMG120408 --grade P25 --stock 80x200 --out a.toml "
+            "--machine ./a.toml",
+            "must not be the file of --machine",
+        ),
     ],
 )
 def test_missing_and_contradicting_options_are_named(

@@ -22,5 +22,5 @@ class Range(NamedTuple):
 def nearest(text: str, allowed: Iterable[str], count: int = 3) -> str:
     """Return the names that resemble a text, for an error message; empty if none does."""
     by_upper = {name.upper(): name for name in allowed}
-    matches = get_close_matches(text.upper(), by_upper, n=count, cutoff=0.5)
+    matches = get_close_matches(text.upper(), by_upper, n=count, cutoff=0.6)
     return ", ".join(by_upper[match] for match in matches)

@@ -36,11 +36,9 @@ SHAPES = {
     "S": _Shape("square", 4, 1.0, usable=2 / 3),
     "T": _Shape("triangular", 3, math.sqrt(3.0), usable=1 / 2),
     "W": _Shape("trigon, 80 degrees", 3, 0.6844, usable=1 / 2),
-    "R": _Shape("round", 4, 1.0, usable=0.4),
 }
 """Shapes by their letter. ``usable``: assumption, the rule of thumb of makers' guides."""
 _CIRCLES = (3.97, 4.76, 5.56, 6.35, 7.94, 9.525, 12.7, 15.875, 19.05, 25.4, 31.75)
-_METRIC_CIRCLES = (6.0, 8.0, 10.0, 12.0, 16.0, 20.0, 25.0, 32.0)  # of round inserts [mm]
 DOUBLE_SIDED = "GANFUQJC"
 """Letters of inserts whose both faces have edges, if their clearance angle is 0 (N)."""
 
@@ -101,6 +99,11 @@ def read_insert(text: str) -> Insert:
         WorkshopError: It is no designation of an insert for turning; the message says what is.
     """
     plain = re.sub(r"\s", "", text.upper())
+    if re.match(r"R[A-Z]{3}\d", plain):
+        raise WorkshopError(
+            f"--tool {text}: round inserts are not covered, as their chip is thinner than the "
+            "feed: measure cuts, and use calibrate"
+        )
     compact = re.sub(r"^([A-Z]{4})[-_/]", r"\1", plain)
     if match := _ISO.fullmatch(compact):
         circle = _circle(text, shape_of(text, match[1]), match[1], match[5])
@@ -118,7 +121,7 @@ def read_insert(text: str) -> Insert:
         )
     shape = shape_of(text, match[1])
     if radius == 0.0:
-        raise WorkshopError(f"--tool {text}: the nose radius is 0, of a sharp or a round insert")
+        raise WorkshopError(f"--tool {text}: the nose radius is 0, of a sharp insert")
     if circle == 0.0:
         raise WorkshopError(f"--tool {text}: the size of the edge is 0")
     is_double = match[2] == "N" and match[4] in DOUBLE_SIDED
@@ -147,8 +150,7 @@ def _circle(text: str, shape: _Shape, letter: str, code: str) -> float:
 
     The digits are the length of the edge in whole millimetres, without decimals.
     """
-    circles = _CIRCLES + _METRIC_CIRCLES if letter == "R" else _CIRCLES
-    codes = {f"{int(shape.edge_per_circle * circle):02d}": circle for circle in circles}
+    codes = {f"{int(shape.edge_per_circle * circle):02d}": circle for circle in _CIRCLES}
     if code not in codes:
         sizes = ", ".join(sorted(codes))
         near = min(codes, key=lambda other: abs(int(other) - int(code)))

@@ -43,7 +43,8 @@ class Material(NamedTuple):
         return f"{self.name}{number} is {state}"
 
 
-# Group, number, and names of EN or DIN, AISI, SAE or UNS, and JIS.
+# Group, number, and names of EN or DIN, AISI, SAE or UNS, and JIS. A word of everyday use has no
+# number; it stands for the usual alloy (assumption).
 _MATERIALS = """
 P1 1.0037 S235JR St37-2 St37 SS400 A36 A283
 P1 1.0577 S355J2 S355 St52-3 St52 A572
@@ -123,6 +124,14 @@ S31 1.4980 X6NiCrTiMoVB25-15-2 A286 S66286
 S33 2.4856 NiCr22Mo9Nb Inconel625 625 N06625
 S34 2.4668 NiCr19NbMo Inconel718 718 N07718
 S36 3.7035 Titanium-Grade-2 Ti2 R50400
+P1 - mildsteel
+M14 - stainless stainlesssteel
+K15 - castiron greyiron
+N22 - aluminium aluminum
+N27 - brass Messing
+N28 - bronze copper
+S34 - Inconel
+S37 - titanium
 S37 3.7165 TiAl6V4 Ti-6Al-4V Ti6Al4V Ti64 Titanium-Grade-5 R56400
 """
 
@@ -137,8 +146,9 @@ def _by_name() -> dict[str, Material]:
     materials = {}
     for line in _MATERIALS.strip().splitlines():
         group, number, *names = line.split()
-        material = Material(names[0], GROUPS[group], number)
-        for name in (number, *names):
+        has_number = number != "-"
+        material = Material(names[0], GROUPS[group], number if has_number else "")
+        for name in (number, *names) if has_number else names:
             materials[_plain(name)] = material
     return materials
 
