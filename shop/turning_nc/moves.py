@@ -74,6 +74,7 @@ class Moves:
     # Assumptions, and words that are not understood but do not change the tool's path, with lines.
     notes: tuple[str, ...]
     states_unit: bool  # whether the program or the user states the unit
+    in_inches: bool  # whether lengths are in inches at its end
     sides: dict[int, Side]  # sides that roughing cycles turn, by their lines
 
     # Largest coordinates that look like steps but are read as mm or inch, by lines.
@@ -113,6 +114,7 @@ def run(program: PartProgram, reading: Reading = Reading()) -> Moves:
         law=control.law,
         notes=_notes(control),
         states_unit=control.states_unit or reading.unit is not None,
+        in_inches=control.in_inches,
         sides=control.sides,
         large_numbers=control.large_numbers,
     )

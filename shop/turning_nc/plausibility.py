@@ -9,6 +9,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 from turning_nc.cutting import Play, Situation
+from turning_nc.dialects import INCH
 from turning_nc.edges import parts_per_edge
 from turning_nc.kinds import DRILL, FACE_GROOVE
 from turning_nc.tool_shapes import tool_shape
@@ -31,6 +32,9 @@ MIN_BACK_LENGTH = 2.0  # of a tool's cuts with its back, for them to count [mm]
 MIN_ASIDE = 0.2
 MAX_INCH_FEED = 0.06  # per revolution, up to which a feed speaks for inches
 MAX_INCH_DIAMETER = 15.0  # up to which a diameter speaks for inches
+MIN_FEET = 250.0  # from which a cutting speed of small cuts speaks for feet per minute
+MIN_METRIC_FEED = 0.1  # [inch/rev] above which a feed speaks for millimetres
+MIN_METRIC_DIAMETER = 15.0  # [inch] above which a diameter does
 
 LEFT = 41  # G41: the tool is to the left of its path
 RIGHT = 42  # G42
@@ -182,21 +186,27 @@ def _check_compensation(situation: Situation, findings: _Findings) -> None:
 
 
 def _check_unit(situation: Situation, played: Play, findings: _Findings) -> None:
-    """Check whether a program that states no unit is in inches."""
-    on = situation.engaged
-    if situation.moves.states_unit or not on.any():
+    """Check whether feeds, diameters and speeds are those of the other unit."""
+    s = situation
+    used = s.engaged if s.engaged.any() else s.fed & ~s.threads_and_drills
+    if not used.any():
         return
-    feed = float(played.feed[on].max())
-    diameter = 2.0 * float(situation.removal.slices.radius[on].max())
-    if feed <= MAX_INCH_FEED and diameter <= MAX_INCH_DIAMETER:
-        findings.add_slices(
-            "unit",
-            on,
-            text=(
-                f"feeds up to {feed:.3g} per revolution and diameters up to {diameter:.3g} "
-                "speak for inches: set --unit inch"
-            ),
-        )
+    feed = float(played.feed[used].max())
+    diameter = 2.0 * float(s.removal.slices.radius[used].max())
+    seen = f"feeds up to {feed:.3g} mm per revolution and diameters up to {diameter:.3g} mm"
+    text = ""
+    if s.moves.in_inches:
+        if feed > MIN_METRIC_FEED * INCH and diameter > MIN_METRIC_DIAMETER * INCH:
+            text = f"{seen} are large for inches: is the program in mm?"
+    elif feed <= MAX_INCH_FEED and diameter <= MAX_INCH_DIAMETER:
+        speeds = s.speed[used & s.constant_speed]
+        is_fast = bool((speeds >= MIN_FEET).any())
+        if not s.moves.states_unit:
+            text = f"{seen} speak for inches: set --unit inch"
+        elif is_fast:
+            text = f"{seen}, at {speeds.max():.0f} m/min, speak for inches and feet: is it G20?"
+    if text:
+        findings.add_slices("unit", used, text=text)
 
 
 def _wrong_sides(situation: Situation) -> dict[int, Mask]:

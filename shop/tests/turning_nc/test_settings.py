@@ -128,6 +128,31 @@ def test_a_statement_of_the_program_overrides_the_option(text: str, radius: floa
     assert run(divide(text), RADIUS).moves[-1].path.end == (-5.0, radius)
 
 
+# Units.
+
+INCHES = "{unit} G99\nT0101\nG50 S2500\nG96 S{speed} M3\nG0 X2.1 Z.1\nG1 X1.8 F.012\nZ-2.5"
+METRIC = "{unit} G99\nT0101\nG97 S800 M3\nG0 X62. Z2.\nG1 X56. F.25\nZ-40."
+
+
+@pytest.mark.parametrize(
+    ("text", "is_warned"),
+    [
+        pytest.param(INCHES.format(unit="G21", speed=500), True, id="inches stated as mm"),
+        pytest.param(INCHES.format(unit="G20", speed=500), False, id="inches"),
+        pytest.param(INCHES.format(unit="", speed=60), True, id="inches without a unit"),
+        pytest.param(INCHES.format(unit="G21", speed=60), False, id="small part in mm"),
+        pytest.param(METRIC.format(unit="G20"), True, id="mm stated as inches"),
+        pytest.param(METRIC.format(unit="G21"), False, id="mm"),
+        pytest.param(METRIC.format(unit=""), False, id="mm without a unit"),
+    ],
+)
+@pytest.mark.parametrize("stock", [None, "bar:60x70"])
+def test_numbers_of_the_other_unit_are_warned_of(
+    text: str, is_warned: bool, stock: str | None
+) -> None:
+    assert ("unit" in warnings(moves(text), stock)) == is_warned
+
+
 # Compensation of the nose radius.
 
 CONE = "G0 X40. Z2.\n{side} G1 Z0. F0.2\nX56. Z-8.\nZ-40.\nG40 G0 X70."
