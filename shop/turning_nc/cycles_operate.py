@@ -23,11 +23,12 @@ from turning_nc.cycles_sinumerik import (
     run_cycle95,
     run_cycle97,
 )
+from turning_nc.passes import TOLERANCE
 from turning_nc.paths import Path, Point
 from turning_nc.words import Argument, BlockError, Word
 
 RETRACTION = 1.0  # distance by which the tool leaves the metal without _SC [mm]
-MAX_ALLOWANCE = 10.0  # largest _XD inside that is an allowance, not a diameter [mm] (assumption)
+MAX_ALLOWANCE = 10.0  # largest _XD that is an allowance, not a diameter [mm] (assumption)
 
 CYCLES = ("CYCLE95", "CYCLE97", "CYCLE62", "CYCLE951", "CYCLE952")
 """Cycles of SINUMERIK that are read."""
@@ -288,7 +289,7 @@ def _blank(call: _Call, outline: Sequence[Path], machining: _Machining) -> Point
     """Return the corner of the blank before a contour, from _BL, _XD and _ZD.
 
     _BL is 1 for a cylinder, 2 for an allowance on the contour, 3 for a contour of its own. _XD of a
-    cylinder is its diameter if it lies beyond the contour, otherwise an allowance (assumption).
+    cylinder is its diameter, or if it is small an allowance (assumption).
     """
     points = [outline[0].start, *(path.end for path in outline)]
     x = max(points, key=lambda point: machining.sign * point.x).x
@@ -296,9 +297,8 @@ def _blank(call: _Call, outline: Sequence[Path], machining: _Machining) -> Point
     if call.number(15) == 3:
         return Point(z, x)
     size = call.length(16)
-    is_diameter = 0.5 * size > x
-    if machining.side == "inside":
-        is_diameter = size > MAX_ALLOWANCE
+    is_beyond = machining.side == "outside" and 0.5 * size >= x - TOLERANCE
+    is_diameter = is_beyond or size > MAX_ALLOWANCE
     if call.number(15) == 1 and is_diameter:
         x = 0.5 * size
     else:

@@ -103,6 +103,20 @@ def test_a_contour_of_the_editor_is_roughed_from_its_blank() -> None:
 
 
 @pytest.mark.parametrize(
+    ("blank", "first_pass"),
+    [
+        pytest.param("60,1", 28.04, id="diameter"),
+        pytest.param("50,1", 23.525, id="diameter of the contour"),
+        pytest.param("5,1", 28.04, id="allowance"),
+        pytest.param("0,0", 23.525, id="none"),
+    ],
+)
+def test_passes_begin_at_the_blank(blank: str, first_pass: float) -> None:
+    text = turned(ROUGH.replace(",1,60,1,", f",1,{blank},"))
+    assert depths_of_passes(text, "x")[0] == pytest.approx(first_pass)
+
+
+@pytest.mark.parametrize(
     "name", ['CYCLE62(,2,"E_LAB_A_WELLE","E_LAB_E_WELLE")', 'CYCLE62("C",0,,)']
 )
 def test_a_contour_is_named_by_labels_or_as_a_sub_program(name: str) -> None:
