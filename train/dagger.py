@@ -19,12 +19,13 @@ dataset is a file of the run's folder until then. A training that is resumed wit
 another one. The network is fitted on a GPU if there is one.
 """
 
+import math
 import sys
 from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Literal, Self
 
 import numpy as np
 import torch
@@ -118,7 +119,8 @@ class TaughtVecEnv(RoughTurningVecEnv):
     def step_wait(self) -> Any:
         observations, rewards, ended, infos = super().step_wait()
         if ended.any():
-            self._teacher.begin({index: self._nominal(index) for index in np.flatnonzero(ended)})
+            ended_envs = np.flatnonzero(ended).tolist()
+            self._teacher.begin({index: self._nominal(index) for index in ended_envs})
         return self._seen(observations), rewards, ended, infos
 
     def labels(self) -> Actions:
@@ -132,7 +134,8 @@ class TaughtVecEnv(RoughTurningVecEnv):
 
     def _nominal(self, env_index: int) -> Scenario:
         """Return the nominal model of an environment's present job."""
-        return self.vector_env.job(env_index).scenario.nominal()
+        nominal: Scenario = self.vector_env.job(env_index).scenario.nominal()
+        return nominal
 
 
 class Student(BasePolicy):
@@ -316,6 +319,11 @@ class Dagger(BaseAlgorithm):
         Path(self.dataset).unlink()
         return self
 
+    @property
+    def entries(self) -> int:
+        """Number of entries of an observation with its belief."""
+        return math.prod(self.observation_space.shape or ())
+
     def open_dataset(self) -> None:
         """Open the dataset's file, shape (max_samples, entries + actions), or make an empty one.
 
@@ -324,11 +332,10 @@ class Dagger(BaseAlgorithm):
         path = Path(self.dataset)
         if not path.exists():
             self.count = 0
-        columns = self.observation_space.shape[0] + self.action_space.shape[0]
-        shape = (self.max_samples, columns)
-        mode = "r+" if path.exists() else "w+"
+        shape = (self.max_samples, self.entries + math.prod(self.action_space.shape or ()))
+        mode: Literal["r+", "w+"] = "r+" if path.exists() else "w+"
         # Half precision is finer than the noise of the sensors. The file is sparse at first.
-        rows = np.memmap(path, np.float16, mode, shape=shape)
+        rows = np.memmap(path, np.float16, mode=mode, shape=shape)
         self.samples = torch.from_numpy(rows)
 
     def play(self, callbacks: BaseCallback) -> None:
@@ -339,7 +346,7 @@ class Dagger(BaseAlgorithm):
         teaches = np.arange(self.n_envs) < self.plan.teacher_share * self.n_envs
         for step in range(self.plan.n_steps):
             all_teach = self.num_timesteps < teaching_steps
-            observations = self._last_obs
+            observations: Any = self._last_obs
             is_labelled = step % self.plan.label_every == 0
             if is_labelled or all_teach or teaches.any():
                 labels = self.env.labels()
@@ -373,13 +380,13 @@ class Dagger(BaseAlgorithm):
         """Update the network ``n_updates`` times with samples of the dataset."""
         policy = self.policy
         self._update_learning_rate(policy.optimizer)
-        entries = self.observation_space.shape[0]
         # Copied to a GPU if there is one.
         samples = self.samples[: self.count].to(policy.device)
         for _ in range(self.plan.n_updates):
             chosen = torch.randint(self.count, (self.plan.batch_size,))
             batch = samples[chosen.to(policy.device)].float()
-            loss = self.costs.loss(policy.network(batch[:, :entries]), batch[:, entries:])
+            outputs = policy.network(batch[:, : self.entries])
+            loss: Any = self.costs.loss(outputs, batch[:, self.entries :])
             policy.optimizer.zero_grad()
             loss.backward()
             policy.optimizer.step()

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -35,7 +36,7 @@ def small_run(folder: Path) -> Run:
 
 
 def test_the_teacher_acts_as_the_rule_on_every_job_that_follows() -> None:
-    env = dagger.TaughtVecEnv(FAMILY, 2)
+    env: Any = dagger.TaughtVecEnv(FAMILY, 2)
     env.seed(7)
     observations = env.reset()
     ended = np.ones(2, np.bool_)
