@@ -239,6 +239,13 @@ MISTAKES = {
         "ppo causal --scenarios nothing",
         "ppo causal",
     ],
+    "research.studies.imitation": [
+        "nothing.onnx",
+        "nothing.onnx --jobs 0",
+    ],
+    "train.dagger": [
+        "--env nothing",
+    ],
     "research.studies.headroom": [
         "--seeds 0",
         "--seeds 257",
