@@ -137,10 +137,17 @@ def place(figure: Figure, callouts: Sequence[Callout]) -> None:
             taken.append(_placed(callout, taken))
 
 
+def _dpi(mark: Line2D) -> float:
+    """Return the resolution of the figure that a mark is drawn on [pixels/inch]."""
+    figure = mark.get_figure(root=True)
+    assert figure is not None
+    return float(figure.dpi)
+
+
 def _extent(mark: Line2D) -> Bbox:
     """Return the area of a mark on the page [pixels]."""
     centre = mark.get_transform().transform(mark.get_xydata())[0]
-    half = 0.5 * MARK_SIZE * mark.get_figure().dpi / 72.0
+    half = 0.5 * MARK_SIZE * _dpi(mark) / 72.0
     return Bbox([centre - half, centre + half])
 
 
@@ -166,7 +173,7 @@ def _placed(callout: Callout, taken: Sequence[Bbox]) -> Bbox:
 def _draw_line(callout: Callout, area: Bbox) -> None:
     """Draw the line from a mark to its text, if they are apart."""
     start, end = _line(callout, area)
-    points = (end - start) * 72.0 / callout.mark.get_figure().dpi
+    points = (end - start) * 72.0 / _dpi(callout.mark)
     if math.hypot(*points) > MIN_LINE:
         callout.axes.annotate(
             "",
@@ -181,7 +188,7 @@ def _draw_line(callout: Callout, area: Bbox) -> None:
 def _line(callout: Callout, area: Bbox) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the centre of a mark, and the nearest point of the area of its text [pixels]."""
     mark = _extent(callout.mark)
-    centre = 0.5 * (mark.min + mark.max)
+    centre = 0.5 * (np.asarray(mark.min) + np.asarray(mark.max))
     return centre, np.clip(centre, area.min, area.max)
 
 

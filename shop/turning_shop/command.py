@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from turning_shop import WorkshopError, refuse_existing, tables, whatif
+from turning_shop import WorkshopError, refuse_existing, tables, tool_command, whatif
 from turning_shop.headers import COLUMNS, EDGE, is_unit_of, named_column
 from turning_shop.measurements import Measurements, read_measurements
 from turning_shop.units import SYSTEMS, Units, add_units
@@ -40,6 +40,9 @@ def add_commands(command: Callable[..., argparse.ArgumentParser]) -> None:
     _add_predict_options(predict)
     _add_whatif_options(command(_whatif, "predict force, power, wear and tool life"))
     _add_map_options(command(_map, "draw the operating map of a worn edge"))
+    tool_command.add_options(
+        command(tool_command.tools, "read and write tool libraries, also FreeCAD's", scenario=False)
+    )
     advise = command(
         _advise, "advise speed, feed and edge changes, in parts and money", scenario=False
     )

@@ -1,0 +1,1 @@
+"""Files that run in FreeCAD's Python, with nothing of this project around them."""
