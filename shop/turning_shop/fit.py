@@ -33,7 +33,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
-from scipy import optimize, stats
+from scipy import optimize, special
 from turning_shop import Values, WorkshopError
 from turning_shop.headers import COLUMNS
 from turning_shop.measurements import Measurements
@@ -427,7 +427,8 @@ def _degrees_of_reading(variance_within: float, edges: EdgeEffect) -> float:
 def _estimates(law: PowerLaw, names: Sequence[str], solved: Solution) -> dict[str, Estimate]:
     """Return the numbers of a fitted law with their intervals of confidence ``LEVEL``."""
     # Student's t, as the scatter is estimated from the same rows.
-    quantiles = stats.t.ppf(0.5 + 0.5 * LEVEL, solved.degrees)
+    # Of Student's t; scipy.stats, which has a name for it, takes long to import.
+    quantiles = special.stdtrit(solved.degrees, 0.5 + 0.5 * LEVEL)
     margins = np.sqrt(np.diag(solved.covariance)) * quantiles
     low = solved.unbounded - margins
     high = solved.unbounded + margins
@@ -513,7 +514,8 @@ def rows_correlate(fitted: Fit) -> bool:
         return False
     variance_between = float(members @ means**2) / degrees_between
     ratio = variance_between / variance_within
-    return bool(stats.f.sf(ratio, degrees_between, degrees_within) < SIGNIFICANCE)
+    # The probability of a larger ratio, by the F distribution.
+    return bool(special.fdtrc(degrees_between, degrees_within, ratio) < SIGNIFICANCE)
 
 
 def _log_factor(term: str, factors: Mapping[str, Values], base: PowerLaw) -> Values:

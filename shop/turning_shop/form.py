@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 from turning_shop import Values, WorkshopError
 from turning_shop.fit import (
     FACTORS,
@@ -234,7 +234,8 @@ def misfit(fitted: Fit, distance: Values) -> Misfit | None:
             continue
         # Rows of one edge deviate together, so that edges are the sample.
         error = means.std(ddof=1) / np.sqrt(len(means))
-        quantile = stats.t.isf(0.5 * SIGNIFICANCE / BINS, len(means) - 1)
+        # Of Student's t; scipy.stats, which has a name for it, takes long to import.
+        quantile = -special.stdtrit(len(means) - 1, 0.5 * SIGNIFICANCE / BINS)
         if abs(means.mean()) < max(MIN_MISFIT, quantile * error):
             continue
         ratio = float(np.exp(means.mean()))

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import optimize, stats
+from scipy import optimize, special
 from turning_shop import Values
 from turning_shop.fit import SETTINGS, Fit, rows_correlate
 from turning_shop.measurements import Measurements
@@ -346,7 +346,8 @@ def _outlying(residual: Values, design: Values, suspect: NDArray[np.bool_]) -> N
     distance = residual - design @ (inverse @ residual[kept])
     variance = float(distance[kept] @ distance[kept]) / degrees
     leverage = ((design @ inverse) ** 2).sum(axis=1)
-    quantile = stats.t.isf(0.5 * OUTLIER_SIGNIFICANCE / len(residual), degrees)
+    # Of Student's t.
+    quantile = -special.stdtrit(degrees, 0.5 * OUTLIER_SIGNIFICANCE / len(residual))
     limit = quantile * np.sqrt(variance * (1.0 + leverage))
     return np.asarray(suspect & (np.abs(distance) > limit))
 

@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field
-from scipy import stats
+from scipy import special
 from turning_shop import Values, WorkshopError
 from turning_shop.catalogue import UNMEASURED
 from turning_shop.fit import FACTORS, LEVEL, SETTINGS, Fit, curve_slope, regressor
@@ -46,7 +46,8 @@ class LawEvidence(BaseModel, frozen=True, allow_inf_nan=False):
     @property
     def quantile(self) -> float:
         """Half the width of an interval over the standard deviation [-]."""
-        return float(stats.t.ppf(0.5 + 0.5 * LEVEL, self.degrees))
+        # Of Student's t.
+        return float(special.stdtrit(self.degrees, 0.5 + 0.5 * LEVEL))
 
     def log_deviation(
         self, law: PowerLaw, factors: Mapping[str, Values], of_reading: bool = True
