@@ -44,12 +44,10 @@ SMALLER = {
         "STEPS=3000 RUNS=few-seeds SHIPPED=few-agents SEEDS=0 CARDS=agents/*/batch_casting/ppo.md"
     ),
     "make results": Smaller(
-        "NUM_SEEDS=2 SHIPPED=few-agents SHIPPED_RESULTS=few-shipped ENVS=RoughTurning-Batch-v0 "
-        "JOBS=1"
+        "NUM_SEEDS=2 SHIPPED=few-agents SHIPPED_RESULTS=few-shipped ENVS=RoughTurning-Batch-v0"
     ),
     "make verify": Smaller(
-        "VERIFY='--seeds 2 --env RoughTurning-Batch-v0 --policies parts_fixed_tuned ppo-seed0' "
-        "JOBS=1"
+        "VERIFY='--seeds 2 --env RoughTurning-Batch-v0 --policies parts_fixed_tuned ppo-seed0'"
     ),
     "python -m train.ppo": Smaller("--steps 20000 --set num_envs=32"),
     "python -m train.tune": Smaller("--steps 4096 --trials 1"),
