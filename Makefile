@@ -13,6 +13,7 @@ RESULTS ?= results
 SHIPPED ?= agents
 SHIPPED_RESULTS ?= leaderboard/results
 JOBS ?= 2
+WORKERS ?= 2
 ENVS ?= RoughTurning-v0 RoughTurning-Paper-v0 RoughTurning-Override-v1 RoughTurning-Surface-v1 RoughTurning-Shift-v0 RoughTurning-Batch-v0 \
 	RoughTurning-Family-v0
 # Policies of the family's boards that do not machine sensibly.
@@ -20,7 +21,7 @@ DEGENERATE = $$(.venv/bin/python -c "from baselines.trivial import DEGENERATE; p
 # A sixth of the steps of agents that ship, for a first look.
 TRAIN = .venv/bin/python -m train.ppo --scenario $(SCENARIO) --runs $(RUNS)/first --steps $(or $(STEPS),1000000)
 RUN = .venv/bin/python -m leaderboard run --scenario $(SCENARIO) --seeds $(NUM_SEEDS) --results $(RESULTS)
-PYTEST = .venv/bin/pytest -n 2 --dist worksteal $(if $(DURATIONS),--durations $(DURATIONS))
+PYTEST = .venv/bin/pytest -n $(WORKERS) --dist worksteal $(if $(DURATIONS),--durations $(DURATIONS))
 
 # Extras by set-up: `make leaderboard` and the like need the first, tests, examples and the site also the second.
 RUN_EXTRAS = benchmark
