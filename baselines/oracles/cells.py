@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from turning_env.numerics.compilation import compiled, compiled_entry
+from turning_env.numerics.compilation import FIRST_ENV, compiled, compiled_entry
 from turning_env.numerics.functions import exp, log
 from turning_env.numerics.wear_term import log_wear_term
 from turning_env.physics.lathe import start_episode
@@ -100,7 +100,7 @@ def factors_of(log_steps, exponent):
 def start_episode_of(states, parameters, scratches):
     """Start an episode of the first environment of the only block, and of no other one."""
     scratch = scratches[0]
-    start_episode(states[0], scratch.work, scratch.report, 0, parameters[0])
+    start_episode(states[0], scratch.work, scratch.report, FIRST_ENV, parameters[0])
 
 
 @compiled_entry

@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from turning_env.numerics.compilation import compiled_entry
+from turning_env.numerics.compilation import FIRST_ENV, ONE_ENV, compiled_entry
 from turning_env.physics.drives import lag_share
 from turning_env.physics.lathe import run_step, start_episode
 from turning_env.physics.records import block_records
@@ -133,11 +133,11 @@ def endless(scenario: Scenario) -> Scenario:
 def start_plant(states, parameters, scratches):  # type: ignore[no-untyped-def]
     """Put a fresh edge before the first bar."""
     scratch = scratches[0]
-    start_episode(states[0], scratch.work, scratch.report, 0, parameters[0])
+    start_episode(states[0], scratch.work, scratch.report, FIRST_ENV, parameters[0])
 
 
 @compiled_entry
 def move_plant(states, parameters, scratches, actions):  # type: ignore[no-untyped-def]
     """Run the transition over one sub-step of the length in the parameters."""
     scratch = scratches[0]
-    run_step(states[0], scratch.work, scratch.report, actions, 1, parameters[0])
+    run_step(states[0], scratch.work, scratch.report, actions, ONE_ENV, parameters[0])

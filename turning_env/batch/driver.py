@@ -11,7 +11,13 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from turning_env.info import Info, info_of
-from turning_env.numerics.compilation import compiled, compiled_entry, env_range
+from turning_env.numerics.compilation import (
+    FIRST_ENV,
+    ONE_ENV,
+    compiled,
+    compiled_entry,
+    env_range,
+)
 from turning_env.observation import bounds, observe
 from turning_env.physics import quantities
 from turning_env.physics.lathe import run_step, start_episode
@@ -79,8 +85,6 @@ def write_out(state, scratch, p, first, last, start, observations, table):
     report = scratch.report
     write_state(state, report, first, last, p)
     observe(state, work, first, last, p)
-    # Without a sign, as the numbers of environments (``env_range``).
-    start = np.uint64(start)
     for k in range(table.shape[0]):
         for i in env_range(first, last):
             table[k, start + i] = report.table[k, i]
@@ -98,11 +102,12 @@ def start_episodes(states, parameters, scratches, chosen, observations, table):
     for k in range(chosen.shape[0]):
         if chosen[k]:
             block = k // WIDTH
-            i = k % WIDTH
+            i = np.uint64(k % WIDTH)
             state = states[block]
             p = parameters[block % parameters.shape[0]]
             start_episode(state, scratch.work, scratch.report, i, p)
-            write_out(state, scratch, p, i, i + 1, k - i, observations, table)
+            start = np.uint64(block * WIDTH)
+            write_out(state, scratch, p, i, i + ONE_ENV, start, observations, table)
 
 
 @compiled
@@ -131,7 +136,8 @@ def step_blocks(states, parameters, scratches, actions, observations, table):
         state = states[b]
         p = parameters[b % parameters.shape[0]]
         start = b * WIDTH
-        count = min(WIDTH, actions.shape[0] - start)
+        # Without a sign, as the numbers of environments.
+        count = np.uint64(min(WIDTH, actions.shape[0] - start))
         for i in range(count):
             work.ended_before[i] = state.ended[i]
         # Ended environments run, too, because a loop over all of a block is quicker than one with
@@ -142,7 +148,7 @@ def step_blocks(states, parameters, scratches, actions, observations, table):
             if work.ended_before[i] > 0:
                 state.episode[i] += np.uint64(1)
                 start_episode(state, work, report, i, p)
-        write_out(state, scratch, p, 0, count, start, observations, table)
+        write_out(state, scratch, p, FIRST_ENV, count, np.uint64(start), observations, table)
     return True
 
 

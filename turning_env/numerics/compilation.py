@@ -15,8 +15,9 @@ import logging
 import os
 import shutil
 import tempfile
-from collections.abc import Callable
-from contextlib import nullcontext, suppress
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ import numpy as np
 from numba.extending import register_jitable
 
 from turning_env.files import digest_of_files, file_lock
+from turning_env.numerics.linked_code import EntryCompiler, LinkedCompiler
 
 _LOG = logging.getLogger("turning_env")
 _PACKAGE = Path(__file__).parents[1]
@@ -32,8 +34,16 @@ _COMPILED = ("numerics", "physics", "batch")
 """Folders with compiled functions. ``observation.py`` and an entry's own folder have some, too."""
 _NAME = "machine_code-"
 _DIGITS = 12  # of a digest in a folder's name
-INLINED: Any = {"forceinline": True, "no_cfunc_wrapper": True}
-"""Options of overloads that are compiled into their callers."""
+LINKED: Any = {"no_cfunc_wrapper": True, "pipeline_class": LinkedCompiler}
+_NOTICE_AFTER = 2.0  # [s]
+FIRST_ENV = np.uint64(0)
+ONE_ENV = np.uint64(1)
+"""Numbers of environments have no sign. Numba tests a signed index for being negative, which
+prevents vector instructions, and it compiles a function again for each type of number."""
+
+_LINKED: Any = {"error_model": "numpy", "no_cfunc_wrapper": True, "pipeline_class": LinkedCompiler}
+COMPILED: Any = {"forceinline": True, **_LINKED}
+"""Options of functions that are compiled into their callers."""
 
 
 def compiled(function: Callable[..., Any]) -> Any:
@@ -41,20 +51,17 @@ def compiled(function: Callable[..., Any]) -> Any:
 
     Called from Python, it runs interpreted.
     """
-    return register_jitable(error_model="numpy", **INLINED)(function)
+    return register_jitable(**COMPILED)(function)
 
 
 def compiled_separately(function: Callable[..., Any]) -> Any:
     """Let compiled functions call a large function. Called from Python, it runs interpreted."""
-    return register_jitable(error_model="numpy", no_cfunc_wrapper=True)(function)
+    return register_jitable(**_LINKED)(function)
 
 
 @compiled
 def env_range(first, last):  # type: ignore[no-untyped-def]
-    """Return the numbers of environments ``first`` to ``last - 1``, as unsigned integers.
-
-    Numba tests a signed index for being negative, which prevents vector instructions.
-    """
+    """Return the numbers of environments ``first`` to ``last - 1``, without a sign."""
     return range(np.uint64(first), np.uint64(last))
 
 
@@ -77,16 +84,20 @@ def compiled_entry(function: Callable[..., Any]) -> Any:
             return dispatcher(*arguments)
         source = Path(inspect.getfile(function))
         folder = machine_code_folder(source.parent)
-        if folder is None or not any(folder.rglob(f"*.{name}-*.nbi")):
-            _LOG.warning("compiling %s, or waiting for another process that does ...", name)
+        kept = folder is not None and any(folder.rglob(f"*.{name}-*.nbi"))
+        notice = nullcontext() if kept else _notice(name)
         # The lock lets one process compile, while the others wait for its code.
         lock = nullcontext() if folder is None else file_lock(folder / f".{name}.lock", wait=True)
-        with lock:
+        with notice, lock:
             cache_dir = config.CACHE_DIR
             try:
                 config.CACHE_DIR = str(folder or cache_dir)
                 compile_function = numba.njit(
-                    error_model="numpy", nogil=True, cache=folder is not None
+                    error_model="numpy",
+                    nogil=True,
+                    no_cfunc_wrapper=True,
+                    cache=folder is not None,
+                    pipeline_class=EntryCompiler,
                 )
                 dispatcher = compile_function(function)
             finally:
@@ -98,6 +109,19 @@ def compiled_entry(function: Callable[..., Any]) -> Any:
         return result
 
     return function if config.DISABLE_JIT else entry
+
+
+@contextmanager
+def _notice(name: str) -> Iterator[None]:
+    """Log a notice, which goes to stderr, if a function takes seconds to be compiled."""
+    text = "compiling %s for this machine, once: usually 5 to 20 s"
+    timer = threading.Timer(_NOTICE_AFTER, _LOG.warning, [text, name])
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
 
 
 @functools.cache

@@ -24,7 +24,7 @@ import numpy as np
 from numba.extending import overload
 from numpy.typing import NDArray
 
-from turning_env.numerics.compilation import INLINED, compiled, compiled_entry
+from turning_env.numerics.compilation import COMPILED, compiled, compiled_entry
 
 _Kernel = Callable[[NDArray[np.float64]], Any]
 _COMPILES = not numba.config.DISABLE_JIT  # type: ignore[attr-defined]
@@ -48,7 +48,7 @@ def _clipped(x: Any) -> Any:
     return np.minimum(np.maximum(x, -_MAX), _MAX)
 
 
-@overload(_clipped, jit_options=INLINED)
+@overload(_clipped, jit_options=COMPILED)
 def _clipped_compiled(x):
     return lambda x: min(max(x, -_MAX), _MAX)
 
@@ -58,7 +58,7 @@ def where(condition: Any, x: Any, y: Any) -> Any:
     return np.where(condition, x, y)[()]
 
 
-@overload(where, jit_options=INLINED)
+@overload(where, jit_options=COMPILED)
 def _where_compiled(condition, x, y):
     return lambda condition, x, y: x if condition else y
 
@@ -105,8 +105,7 @@ def _compiled_for_arrays(kernel: _Kernel) -> Callable[[Callable[..., Any]], Any]
                 return values
             return function(x)
 
-        options: Any = {"error_model": "numpy", **INLINED}
-        overload(call, jit_options=options, strict=False)(lambda x: function)
+        overload(call, jit_options=COMPILED, strict=False)(lambda x: function)
         return call
 
     return decorate

@@ -14,7 +14,13 @@ import math
 
 from numba import literal_unroll
 
-from turning_env.numerics.compilation import compiled, compiled_separately, env_range
+from turning_env.numerics.compilation import (
+    FIRST_ENV,
+    ONE_ENV,
+    compiled,
+    compiled_separately,
+    env_range,
+)
 from turning_env.numerics.functions import exp, log
 from turning_env.numerics.keyed_random import TANGLE_CHANNEL, exponential
 from turning_env.physics.drives import clipped, follow_late_command, note_command, set_point
@@ -74,8 +80,7 @@ def start_episode(state, work, report, i, p):
 
     The state's ``seed`` and ``episode`` determine edges and bars.
     """
-    for name in literal_unroll(_ZERO_AT_START):
-        state[name][i] = 0
+    clear_state(state, i)
     _, in_metal = position_in_row(p, i, 0.0)
     state.cutting[i] = 1 if in_metal else 0
     state.commanded_cutting_speed[i] = p.initial_cutting_speed[i]
@@ -90,12 +95,20 @@ def start_episode(state, work, report, i, p):
     state.log_nominal_depth[i] = p.log_depth_of_cut[i]
     work.middle[i] = 0.0
     work.engaged[i] = 1.0
-    look_up_fields(state, work, i, i + 1, p)
-    look_ahead(state, i, i + 1, p)
-    clear_sums(report, i, i + 1)
+    after = i + ONE_ENV
+    look_up_fields(state, work, i, after, p)
+    look_ahead(state, i, after, p)
+    clear_sums(report, i, after)
     # The observation reads these logarithms.
     work.log_cutting_speed[i] = log(p.initial_cutting_speed[i])
     work.log_feed[i] = log(p.initial_feed[i])
+
+
+@compiled
+def clear_state(state, i):
+    """Set the quantities to 0 with which an episode starts; apart, as ``report.copy_kept``."""
+    for name in literal_unroll(_ZERO_AT_START):
+        state[name][i] = 0
 
 
 @compiled_separately
@@ -105,7 +118,7 @@ def run_step(state, work, report, actions, count, p):
     ``actions`` has shape (environments, action size). Until the step is finished, ``cost_force``,
     ``cost_power`` and the means in the report are integrals: [min], [min], [N s] and [kJ].
     """
-    clear_sums(report, 0, count)
+    clear_sums(report, FIRST_ENV, count)
     for i in range(count):
         work.minutes[i] = 0.0
         work.edge_failed[i] = 0
@@ -124,13 +137,13 @@ def run_step(state, work, report, actions, count, p):
             stop_machine(state, report, i, p, work.tangles[i] * p.tangle_time[i])
     for i in range(count):
         state.step_count[i] += 1
-    read_sensors(state, work, 0, count, p)
+    read_sensors(state, work, FIRST_ENV, count, p)
     # Read once, before the loop: a loop that reads them again is not vectorised.
     timeless = p.edge_changes == END
     by_step = p.action != PART
     for i in range(count):
         finish_step(state, work, report, i, p, timeless, by_step)
-    look_ahead(state, 0, count, p)
+    look_ahead(state, FIRST_ENV, count, p)
 
 
 @compiled
@@ -293,7 +306,7 @@ def look_up_cuts(state, work, count, p):
     if p.bends:
         for i in range(count):
             note_stiffness(state, work, i)
-    look_up_fields(state, work, 0, count, p)
+    look_up_fields(state, work, FIRST_ENV, count, p)
     if p.bends:
         for i in range(count):
             bend_bar(state, work, i, p)

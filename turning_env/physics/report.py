@@ -92,9 +92,7 @@ def set_reward(report, i, p):
 @compiled
 def write_state(state, report, first, last, p):
     """Report the true state of some environments of a block at the step's end."""
-    for name in literal_unroll(KEPT):
-        for i in env_range(first, last):
-            report[name][i] = state[name][i]
+    copy_kept(state, report, first, last)
     for i in env_range(first, last):
         report_spindle(state, report, i, p)
         report_cut(state, report, i, p)
@@ -103,6 +101,17 @@ def write_state(state, report, first, last, p):
         for i in env_range(first, last):
             rough = roughness(p, i, state.thrust_force[i])
             report.roughness[i] = rough if state.cutting[i] > 0 else 0.0
+
+
+@compiled
+def copy_kept(state, report, first, last):
+    """Copy the quantities that a state and a report share.
+
+    It is a function of its own, because Numba infers the types of one that unrolls names twice.
+    """
+    for name in literal_unroll(KEPT):
+        for i in env_range(first, last):
+            report[name][i] = state[name][i]
 
 
 @compiled

@@ -78,8 +78,32 @@ def test_code_of_older_sources_is_neither_used_nor_kept(folder: Path) -> None:
     finished(start(folder))
     before = code(folder)
     (folder / "helper.py").write_text(HELPER.replace("1.0", "3.0"))
-    assert "compiling last" in finished(start(folder), 6.0)
+    finished(start(folder), 6.0)
+    assert code(folder)
     assert not set(before) & set(code(folder))
+
+
+SLOWLY_COMPILED = """
+import time
+from numba.extending import overload
+
+def factor():
+    return 1.0
+
+@overload(factor)
+def compiled_factor():
+    time.sleep(2.5)
+    return lambda: 1.0
+"""
+
+
+def test_a_notice_on_stderr_says_what_takes_seconds_to_compile(folder: Path) -> None:
+    (folder / "helper.py").write_text(SLOWLY_COMPILED)
+    notices = finished(start(folder)).splitlines()
+    assert len(notices) == 1
+    assert "compiling last for this machine, once" in notices[0]
+    # Kept code takes no notice.
+    assert finished(start(folder)) == ""
 
 
 READ_ONLY = """
