@@ -1,0 +1,252 @@
+"""The game: one episode by hand in a window, beside the best rule on the same bars."""
+
+import argparse
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import gymnasium
+import numpy as np
+from gymnasium.error import ClosedEnvironmentError, DependencyNotInstalled, Error
+from numpy.typing import NDArray
+
+from baselines import catalogue
+from turning_env import IDS, Scenario
+from turning_env.console import UserError, exits, positive
+from turning_env.extras import needed
+from turning_env.rendering.viewer import Window
+from turning_env.scoring.policy import Policy
+from turning_env.scoring.score import shipped
+from turning_env.scoring.statistics import severe_share
+
+PLAYABLE = [env_id for env_id in IDS if env_id != "RoughTurning-Batch-v0"]
+"""Ids whose steps are short enough to be played by hand."""
+FIRST_SEED = 1_000_000  # of games without --seed; no leaderboard plays it
+_LEVEL_STEP = 0.05  # by which a step changes an action that sets a value, within -1..1
+_STRIP_HEIGHT = 34  # [pixels]
+
+
+class Opponent(NamedTuple):
+    """A rule and its name."""
+
+    name: str
+    policy: Policy
+
+
+def best_rule(env_id: str) -> Opponent:
+    """Return the rule of the highest mean return among the feasible ones of an id's leaderboard."""
+    scenario = Scenario.load(IDS[env_id])
+    allowance = scenario.limits.overload_allowance
+    best: tuple[float, str] | None = None
+    for result in shipped(env_id):
+        is_rule = result.kind == "rule" and result.name in catalogue.names(scenario)
+        if not is_rule or severe_share(result.severe, result.engaged) > allowance:
+            continue
+        candidate = (float(result.returns.mean()), result.name)
+        best = max(best, candidate) if best else candidate
+    if best is None:
+        raise UserError(f"no feasible rule plays {env_id}")
+    name = best[1]
+    return Opponent(name, catalogue.spec(name, scenario).make(1))
+
+
+@dataclass
+class Lathe:
+    """An environment and what its episode has returned so far."""
+
+    env: gymnasium.Env[Any, Any]
+    observation: NDArray[np.float32]
+    total: float = 0.0  # [s of machine time]
+    ended: bool = False
+
+    def step(self, action: NDArray[np.float64]) -> None:
+        """Run one step, unless the episode has ended."""
+        if self.ended:
+            return
+        self.observation, reward, terminated, truncated, _ = self.env.step(action)
+        self.total += float(reward)
+        self.ended = terminated or truncated
+
+
+class Keyboard:
+    """The keys that are held down, and those pressed since the last look."""
+
+    def __init__(self) -> None:
+        import pygame
+
+        self._pygame: Any = pygame
+        self._held: set[int] = set()
+        self._pressed: set[int] = set()
+
+    def look(self) -> None:
+        """Take in what has happened since the last look."""
+        pygame = self._pygame
+        self._pressed = set()
+        for event in pygame.event.get((pygame.KEYDOWN, pygame.KEYUP)):
+            if event.type == pygame.KEYDOWN:
+                self._held.add(event.key)
+                self._pressed.add(event.key)
+            else:
+                self._held.discard(event.key)
+
+    def direction(self, up: str, down: str) -> float:
+        """Return 1 if one key is active, -1 if the other is, otherwise 0."""
+        return float(self._is_active(up)) - float(self._is_active(down))
+
+    def pressed(self, name: str) -> bool:
+        """Return whether a key was pressed since the last look but one."""
+        return self._pygame.key.key_code(name) in self._pressed
+
+    def _is_active(self, name: str) -> bool:
+        # A short tap may begin and end between two looks.
+        code = self._pygame.key.key_code(name)
+        return code in self._held or code in self._pressed
+
+
+class Game:
+    """One episode by hand, in a window, beside a rule on the same seed.
+
+    Args:
+        env_id: id of the environment, one of ``PLAYABLE``.
+        seed: seed of the episode.
+        frames_per_second: highest number of steps shown in a second.
+
+    Raises:
+        gymnasium.error.Error: no window can be opened, or rendering lacks a package.
+    """
+
+    def __init__(self, env_id: str, seed: int, frames_per_second: int = 30) -> None:
+        self.opponent = best_rule(env_id)
+        self.player = _lathe(env_id, seed, render_mode="rgb_array")
+        self.rule = _lathe(env_id, seed)
+        self.opponent.policy.reset(np.ones(1, np.bool_))
+        self.paused = False
+        control = Scenario.load(IDS[env_id]).control
+        self._sets_changes = control.action == "incremental"
+        self._has_speed = control.action != "override"
+        self._changes_edges = control.edge_changes == "commanded"
+        self._levels = np.zeros(2 if self._has_speed else 1)
+        self._title = f"{env_id}, seed {seed}"
+        with needed(DependencyNotInstalled):
+            self._window = Window(frames_per_second)
+            self._keyboard = Keyboard()
+        self.show()
+
+    def show(self) -> None:
+        """Show the present state, and wait until the next frame is due."""
+        frame = self.player.env.render()
+        self._window.show(np.vstack([frame, self._strip(frame.shape[1])]), self._title)
+
+    def advance(self) -> bool:
+        """Take in the keys and run one step of both lathes; return whether the game goes on."""
+        keyboard = self._keyboard
+        keyboard.look()
+        if keyboard.pressed("escape"):
+            return False
+        if keyboard.pressed("space"):
+            self.paused = not self.paused
+        if not self.paused:
+            self.player.step(self._action())
+            self._step_rule()
+        self.show()
+        return not self.player.ended
+
+    def finish(self) -> str:
+        """Let the rule end its episode, close the window and return the result in words."""
+        while self.player.ended and not self.rule.ended:
+            self._step_rule()
+        self._window.close()
+        lead = self.player.total - self.rule.total
+        end = "" if self.player.ended else " when you stopped"
+        return (
+            f"{self._title}: you {self.player.total:.1f} s, "
+            f"{self.opponent.name} {self.rule.total:.1f} s{end}: "
+            f"you are {abs(lead):.1f} s {'ahead' if lead > 0.0 else 'behind'}"
+        )
+
+    def _step_rule(self) -> None:
+        actions = self.opponent.policy.act(self.rule.observation[np.newaxis])
+        self.rule.step(actions[0])
+
+    def _action(self) -> NDArray[np.float64]:
+        keyboard = self._keyboard
+        feed = keyboard.direction("up", "down")
+        directions = np.array([feed])
+        if self._has_speed:
+            directions = np.array([keyboard.direction("right", "left"), feed])
+        if self._sets_changes:
+            action = directions
+        else:
+            self._levels = np.clip(self._levels + _LEVEL_STEP * directions, -1.0, 1.0)
+            action = self._levels
+        if self._changes_edges:
+            action = np.append(action, 1.0 if keyboard.pressed("e") else -1.0)
+        return action
+
+    def _strip(self, width: int) -> NDArray[np.uint8]:
+        """Return the line below the frame: both returns, and the keys."""
+        from PIL import Image
+
+        from turning_env.rendering.theme import PAPER, QUIET, write
+
+        image = Image.new("RGB", (width, _STRIP_HEIGHT), PAPER)
+        score = f"you {self.player.total:.1f} s     {self.opponent.name} {self.rule.total:.1f} s"
+        write(image, (16, 5), score, size=17)
+        keys = ["up/down: feed", "space: pause", "Esc: end"]
+        if self._has_speed:
+            keys.insert(0, "left/right: speed")
+        if self._changes_edges:
+            keys.insert(-2, "E: new edge")
+        write(image, (width - 16, 8), "   ".join(keys), size=13, colour=QUIET, anchor="right")
+        return np.asarray(image)
+
+
+def _lathe(env_id: str, seed: int, render_mode: str | None = None) -> Lathe:
+    env = gymnasium.make(env_id, render_mode=render_mode)
+    observation, _ = env.reset(seed=seed)
+    return Lathe(env, observation)
+
+
+def add_commands(command: Callable[..., argparse.ArgumentParser]) -> None:
+    """Add the command ``play`` to ``python -m turning_env``."""
+    _add_options(command(play, "play a lathe by hand, beside the best rule", scenario=False))
+
+
+def _add_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--env",
+        choices=PLAYABLE,
+        default="RoughTurning-v0",
+        metavar="ID",
+        help="environment (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--seed", type=int, default=FIRST_SEED, help="seed of the bars (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--fps",
+        type=positive,
+        default=30,
+        metavar="N",
+        help="steps per second (default: %(default)s)",
+    )
+
+
+@exits(Error)
+def play(options: argparse.Namespace) -> int:
+    """Play a lathe by hand in a window, beside the best rule on the same bars.
+
+    Left and right change the cutting speed, up and down the feed, E changes the edge if the task
+    lets you, and the space bar pauses. Escape ends the game. Hold a key to go on.
+
+    python -m turning_env play
+    python -m turning_env play --env RoughTurning-Override-v1 --seed 7
+    """
+    game = Game(options.env, options.seed, options.fps)
+    try:
+        while game.advance():
+            pass
+    except ClosedEnvironmentError:
+        pass  # the window was closed by hand, which ends the game as Escape does
+    print(game.finish())
+    return 0

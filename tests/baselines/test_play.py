@@ -1,0 +1,68 @@
+"""The game by hand, in a window without a display and with scripted keys."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from baselines.play import Game, best_rule
+
+pygame = pytest.importorskip("pygame")
+
+
+@pytest.fixture(autouse=True)
+def without_display(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    yield
+    pygame.display.quit()
+
+
+def press(key: int) -> None:
+    pygame.event.post(pygame.event.Event(pygame.KEYDOWN, key=key))
+
+
+def release(key: int) -> None:
+    pygame.event.post(pygame.event.Event(pygame.KEYUP, key=key))
+
+
+def commands(game: Game) -> tuple[float, float]:
+    """Return the commanded cutting speed and feed, as places in their ranges."""
+    return float(game.player.observation[4]), float(game.player.observation[5])
+
+
+def test_keys_change_speed_and_feed_while_they_are_held() -> None:
+    game = Game("RoughTurning-v0", seed=3, frames_per_second=1000)
+    assert game.advance()
+    speed, feed = commands(game)
+    press(pygame.K_RIGHT)
+    press(pygame.K_DOWN)
+    for _ in range(2):
+        assert game.advance()
+    release(pygame.K_RIGHT)
+    release(pygame.K_DOWN)
+    faster, less_feed = commands(game)
+    assert faster > speed
+    assert less_feed < feed
+    assert game.advance()
+    assert commands(game) == pytest.approx((faster, less_feed))
+    press(pygame.K_SPACE)
+    before = game.player.total
+    assert game.advance()
+    assert game.player.total == before
+    press(pygame.K_ESCAPE)
+    assert not game.advance()
+    assert f"{game.opponent.name} {game.rule.total:.1f} s when you stopped" in game.finish()
+
+
+def test_a_feed_override_is_set_and_stays() -> None:
+    game = Game("RoughTurning-Override-v1", seed=3, frames_per_second=1000)
+    press(pygame.K_UP)
+    assert game.advance()
+    release(pygame.K_UP)
+    assert game.advance()
+    assert np.isfinite(game.rule.total)
+    assert game.finish().startswith("RoughTurning-Override-v1, seed 3: you ")
+
+
+def test_the_opponent_is_a_feasible_rule_that_beats_fixed_values() -> None:
+    assert best_rule("RoughTurning-v0").name not in ("fixed_tuned", "fixed_handbook")
