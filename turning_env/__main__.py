@@ -18,6 +18,7 @@ from turning_env.scoring.sandbox import LIMITS
 from turning_env.scoring.score import Split
 
 
+@exits(ScenarioError)
 def main(arguments: list[str] | None = None) -> int:
     """Run a command and return its exit status."""
     parser = argparse.ArgumentParser(prog="python -m turning_env", **described(__doc__))
@@ -52,7 +53,8 @@ def main(arguments: list[str] | None = None) -> int:
     command(_warm_up, "compile everything now, for example for a container image", scenario=False)
 
     options = parser.parse_args(arguments)
-    return exits(ScenarioError)(options.run)(options)
+    status: int = options.run(options)
+    return status
 
 
 def _add_score_options(parser: argparse.ArgumentParser) -> None:

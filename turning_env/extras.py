@@ -4,6 +4,8 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.metadata import entry_points
+from importlib.util import find_spec
+from pathlib import Path
 from types import TracebackType
 from typing import Any
 
@@ -54,12 +56,30 @@ def provided(group: str) -> list[Any]:
 def missing(error: ModuleNotFoundError) -> str | None:
     """Return the message for a failed import of an optional package; None for other modules."""
     name = (error.name or "").partition(".")[0]
+    if name == "baselines":
+        return _foreign_baselines()
     # Tables of installed distributions come first: their users may have no clone.
     for table in [*provided("extras"), EXTRAS]:
         for source, packages in table.items():
             if name in packages:
                 return f"{name} is not installed: pip install {source}"
     return None
+
+
+def _foreign_baselines() -> str | None:
+    """Return a message if another package is called ``baselines``; None if it is this project's.
+
+    OpenAI's package for reinforcement learning, which is no longer maintained, has that name.
+    """
+    spec = find_spec("baselines")
+    origin = Path(spec.origin) if spec and spec.origin else None
+    if origin is None or origin.parent == Path(__file__).parents[1] / "baselines":
+        return None
+    return (
+        f"{origin.parent} is another package called baselines, which hides that of rough-turning: "
+        "uninstall it (pip uninstall baselines), then pip install --force-reinstall --no-deps "
+        "rough-turning"
+    )
 
 
 @contextmanager
