@@ -50,7 +50,13 @@ FEATURES = import sys; from numpy._core._multiarray_umath import __cpu_dispatch_
 	print(*(name for name in names if sys.argv[1] == "all" or "AVX512" in name or name == "X86_V4"))
 TESTS ?= -m "not slow"
 
-.PHONY: setup leaderboard agents seeds results verify check lint types fast test system control processors soak wheel clients audit constraints format density site clean
+.PHONY: help setup leaderboard agents seeds results verify check lint types fast test system control processors soak wheel clients audit constraints format density site clean
+
+# The targets, each with the first sentence of its comment.
+help:
+	@awk '/^# / {comment = comment == "" ? substr($$0, 3) : comment " " substr($$0, 3); next} \
+		/^[a-z]+:/ && comment != "" {sub(/:.*/, "", $$1); sub(/\. .*/, ".", comment); printf "%-12s %s\n", $$1, comment} \
+		{comment = ""}' $(firstword $(MAKEFILE_LIST))
 
 # Install all that training, tuning, scoring and the papers need.
 setup: .venv/run
@@ -109,13 +115,16 @@ verify: .venv/run
 check: .venv/test
 	@$(MAKE) --no-print-directory --jobs 2 --output-sync=target fast lint types
 
+# Lint, and the form of the code.
 lint: .venv/test
 	.venv/bin/ruff check .
 	.venv/bin/ruff format --check .
 
+# Static types.
 types: .venv/test
 	.venv/bin/mypy
 
+# The fast tests.
 fast: .venv/test
 	.venv/bin/python -m tests.compile
 	$(PYTEST) -m "not slow"
@@ -173,6 +182,7 @@ constraints: .venv/run
 		--custom-compile-command "make constraints" $(UPGRADE) --no-emit-package rough-turning -o packaging/constraints.txt pyproject.toml shop/pyproject.toml \
 		$(addprefix --extra ,$(RUN_EXTRAS) $(TEST_EXTRAS)) --group setup --group audit --group pin
 
+# Mend lint and form.
 format: .venv/test
 	.venv/bin/ruff check --fix .
 	.venv/bin/ruff format .
@@ -185,6 +195,7 @@ density:
 site: .venv/test
 	.venv/bin/python -m mkdocs $(if $(SERVE),serve,build --strict) -f packaging/mkdocs.yml
 
+# Remove the virtual environment, training runs and results of this clone.
 clean:
 	rm -rf .venv $(RUNS) $(RESULTS)
 
