@@ -22,6 +22,7 @@ from turning_env.scoring.statistics import severe_share
 PLAYABLE = [env_id for env_id in IDS if env_id != "RoughTurning-Batch-v0"]
 """Ids whose steps are short enough to be played by hand."""
 FIRST_SEED = 1_000_000  # of games without --seed; no leaderboard plays it
+_CHANGE = 0.3  # share of the largest change of speed or feed in a step with a key held
 _LEVEL_STEP = 0.05  # by which a step changes an action that sets a value, within -1..1
 _STRIP_HEIGHT = 34  # [pixels]
 
@@ -134,7 +135,7 @@ class Game:
 
     def show(self) -> None:
         """Show the present state, and wait until the next frame is due."""
-        frame = self.player.env.render()
+        frame: Any = self.player.env.render()
         self._window.show(np.vstack([frame, self._strip(frame.shape[1])]), self._title)
 
     def advance(self) -> bool:
@@ -175,7 +176,7 @@ class Game:
         if self._has_speed:
             directions = np.array([keyboard.direction("right", "left"), feed])
         if self._sets_changes:
-            action = directions
+            action = _CHANGE * directions
         else:
             self._levels = np.clip(self._levels + _LEVEL_STEP * directions, -1.0, 1.0)
             action = self._levels

@@ -42,6 +42,12 @@ ONE_ENV = np.uint64(1)
 prevents vector instructions, and it compiles a function again for each type of number."""
 
 _LINKED: Any = {"error_model": "numpy", "no_cfunc_wrapper": True, "pipeline_class": LinkedCompiler}
+_ENTRY: Any = {
+    "error_model": "numpy",
+    "nogil": True,
+    "no_cfunc_wrapper": True,
+    "pipeline_class": EntryCompiler,
+}
 COMPILED: Any = {"forceinline": True, **_LINKED}
 """Options of functions that are compiled into their callers."""
 
@@ -92,13 +98,8 @@ def compiled_entry(function: Callable[..., Any]) -> Any:
             cache_dir = config.CACHE_DIR
             try:
                 config.CACHE_DIR = str(folder or cache_dir)
-                compile_function = numba.njit(
-                    error_model="numpy",
-                    nogil=True,
-                    no_cfunc_wrapper=True,
-                    cache=folder is not None,
-                    pipeline_class=EntryCompiler,
-                )
+                options: Any = {**_ENTRY, "cache": folder is not None}
+                compile_function = numba.njit(**options)
                 dispatcher = compile_function(function)
             finally:
                 config.CACHE_DIR = cache_dir
