@@ -75,6 +75,7 @@ class Agent:
         self.instance = 1
         self.first = 1
         self.spindles = 1
+        self.knows_next = True  # whether the next observation may be asked for before it comes
         self.observations: list[Observation] = []  # the first has the number 1
         self.requests: list[str] = []  # methods and paths
         self.answer: bytes | None = None  # to everything, in place of its own
@@ -105,7 +106,7 @@ class Agent:
                 newest[observation.item] = (number, observation)
             return self._streams(list(newest.values()), count + 1)
         start = int(query["from"][0])
-        if not self.first <= start <= count + 1:
+        if not self.first <= start <= count + self.knows_next:
             return self._error()
         end = min(start + int(query["count"][0]), count + 1)
         numbered = [(number, self.observations[number - 1]) for number in range(start, end)]

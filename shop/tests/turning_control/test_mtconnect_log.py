@@ -105,6 +105,16 @@ def test_what_has_left_the_buffer_is_a_gap_and_reading_goes_on_at_its_start(agen
     assert [bool(sample.gap) for sample in samples] == [True, False]
 
 
+def test_an_agent_that_calls_the_next_observation_out_of_range_loses_nothing(agent: Agent) -> None:
+    agent.knows_next = False
+    with serving(agent) as url:
+        (first,) = read(url)
+        agent.observe(1.0, {"sl": 10})
+        samples = read(url, first)
+    assert [sample.spindle_load for sample in samples] == [10]
+    assert not samples[0].gap
+
+
 def test_an_agent_that_has_started_anew_is_a_gap(agent: Agent) -> None:
     with serving(agent) as url:
         (first,) = read(url)

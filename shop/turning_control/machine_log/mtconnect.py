@@ -184,7 +184,11 @@ class MTConnectSource:
             except OutOfRangeError:
                 is_lost = True
             if is_lost:
-                last = self._after_loss(device, by_id, mark=mark, last=last)
+                regained = self._after_loss(device, by_id, mark=mark, last=last)
+                if regained is None:
+                    pause_until(time.monotonic() + self._interval, runs)
+                    continue
+                last = regained
                 mark = Mark.read(last.mark) or mark
                 yield last
                 continue
@@ -207,15 +211,21 @@ class MTConnectSource:
 
     def _after_loss(
         self, device: str, by_id: Mapping[str, Item], mark: Mark, last: Sample
-    ) -> Sample:
-        """Return the first state that the agent still knows, with the gap before it."""
+    ) -> Sample | None:
+        """Return the first state that the agent still knows, with the gap before it.
+
+        None if nothing is lost: some agents call the next observation out of range until it comes.
+        """
         for _ in range(MAX_TRIES):
             header = _header(self._get(f"{device}/current"))
+            is_same = header.instance == mark.instance
+            if is_same and header.first <= mark.sequence <= header.next:
+                return None
             try:
                 answer = self._get(f"{device}/current", at=header.first)
             except OutOfRangeError:
                 continue  # the buffer has moved on meanwhile
-            if header.instance != mark.instance:
+            if not is_same:
                 gap = f"the agent has started anew: what followed {mark} until then is lost"
             else:
                 gap = f"observations {mark.sequence} to {header.first - 1} have left the buffer"
