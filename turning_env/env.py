@@ -161,7 +161,8 @@ class RoughTurningEnv(BaseEnv, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
 
     Some scenarios add an entry: `roughness_reference` if a roughness is to be held, `probed_depth`
     if blanks are probed, `spindle_heat` if the spindle may be overloaded for a short time,
-    `removed_wear` if edges are inspected. With `sensors.observes_all`, the hidden state follows:
+    `removed_wear` if edges are inspected, `tangles` if stops for tangled chips are observed.
+    With `sensors.observes_all`, the hidden state follows:
     `hardness`, `depth_of_cut`, `wear`, `wear_factor` and `edge_strength`.
 
     ## Reward

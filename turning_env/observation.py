@@ -102,6 +102,9 @@ def observe_further(state, work, first, last, p):
         for i in env_range(first, last):
             ratio = state.removed_wear[i] / p.wear_criterion[i]
             entries[OBS.removed_wear, i] = min(ratio, MAX_RATIO)
+    if p.counts_tangles:
+        for i in env_range(first, last):
+            entries[OBS.tangles, i] = min(float(work.tangles[i]), MAX_RATIO)
     if p.observes_all:
         for i in env_range(first, last):
             observe_hidden_state(state, work, i, p)
@@ -219,7 +222,7 @@ class Reading(NamedTuple):
     torque that it has at its speed (`spindle.reading`); `thrust_force` [N], if the servo current is
     sensed the force whose steady current it is; `servo_current` [A]; `probed_depth` [mm], the mean
     allowance of the next blank; and `removed_wear` [mm], of the edge that was taken out last, 0
-    before the first change.
+    before the first change. `tangles` [-] are the stops for tangled chips in the last step.
 
     Cutting speeds are in m/min and feeds in mm/rev. `cutting_time` [min] is the edge's,
     `nominal_wear` [mm] the nominal model's prediction. `power_ratio` and `force_ratio` [-] are
@@ -245,6 +248,7 @@ class Reading(NamedTuple):
     probed_depth: Array
     spindle_heat: Array
     removed_wear: Array
+    tangles: Array
 
 
 def _in_range(position: Array, low: Any, high: Any) -> Array:
@@ -328,4 +332,5 @@ def read(observation: NDArray[np.float32], scenario: Scenario | ScenarioBatch) -
         probed_depth=probed_ratio * scenario.workpiece.depth_of_cut,
         spindle_heat=columns.get("spindle_heat", unknown),
         removed_wear=removed_wear * scenario.tool.wear_criterion,
+        tangles=columns.get("tangles", unknown),
     )

@@ -26,6 +26,12 @@ OVERRIDE = changed(
 SURFACE = changed("surface", workpiece=NO_SPREAD)
 LASTING = {"edge_strength": 1e6, "edge_strength_spread": 0.0, "wear_factor_spread": 0.0}
 SHIFT = changed("shift", workpiece=NO_SPREAD, tool=LASTING)
+ALWAYS_TANGLING = {
+    "tangle_rate": 20.0,
+    "tangle_time": 0.1,
+    "chip_feed_min": 0.5,
+    "chip_feed_max": 0.6,
+}
 BATCH = changed("batch_casting", tool=LASTING | {"wear_criterion": 5.0})
 
 
@@ -116,6 +122,17 @@ def test_inspection_measures_the_wear_of_the_edge_that_was_taken_out():
     assert removed_wear[:first].tolist() == [0.0] * 21
     assert removed_wear[first] == pytest.approx(record["wear"][first - 1], rel=1e-6)
     assert removed_wear[second] == pytest.approx(0.15, rel=0.02)
+
+
+def test_stops_for_tangled_chips_are_counted():
+    scenario = changed(SHIFT, sensors={"counts_tangles": True}, swarf=ALWAYS_TANGLING)
+    record = play(RoughTurningEnv(scenario), 0, np.tile([0.0, 0.0, -1.0], (200, 1)))
+    tangles = read(record["observation"], scenario).tangles
+    assert tangles[0] == 0.0
+    assert tangles.max() >= 1.0
+    # Nothing else stops the machine in this time.
+    stop = 60.0 * scenario.swarf.tangle_time
+    np.testing.assert_allclose(record["stopped_time"], stop * tangles)
 
 
 def test_edges_cannot_be_inspected_if_none_is_changed():

@@ -95,6 +95,7 @@ def start_episode(state, work, report, i, p):
     state.log_nominal_depth[i] = p.log_depth_of_cut[i]
     work.middle[i] = 0.0
     work.engaged[i] = 1.0
+    work.tangles[i] = 0
     after = i + ONE_ENV
     look_up_fields(state, work, i, after, p)
     look_ahead(state, i, after, p)

@@ -475,6 +475,7 @@ PARAMETERS = (
     _field("sensors.force_noise", "-"),
     _field("sensors.probe", "-", dtype=np.bool_),
     _field("sensors.inspects_edges", "-", dtype=np.bool_),
+    _field("sensors.counts_tangles", "-", dtype=np.bool_),
     _field("sensors.observes_all", "-", dtype=np.bool_),
     P("entries", "-", "entries of the observation", value=lambda s: len(layout(s)), dtype=np.int64),
     P(

@@ -334,6 +334,13 @@ OBSERVATION = (
         present=lambda s: s.sensors.inspects_edges,
     ),
     Entry(
+        "tangles",
+        "stops for tangled chips in the step before",
+        low=0.0,
+        high=MAX_RATIO,
+        present=lambda s: s.sensors.counts_tangles,
+    ),
+    Entry(
         "hardness",
         "true hardness: `5 * (hardness over nominal - 1)`, 0 in air",
         low=_LOW,

@@ -66,6 +66,7 @@ ALWAYS_KNOWN = (
     "sensors.force",
     "sensors.probe",
     "sensors.inspects_edges",
+    "sensors.counts_tangles",
     "sensors.observes_all",
     "tool.wear_criterion",
     "tool.wear_rule",

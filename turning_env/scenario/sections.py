@@ -407,6 +407,8 @@ class Sensors(Section):
     inspects_edges: bool = False
     """Whether the flank wear of every edge is measured when it is taken out, without error
     (assumption)."""
+    counts_tangles: bool = False
+    """Whether stops of the machine for tangled chips are observed."""
     observes_all: bool = False
     """Whether observations also hold the hidden state: hardness, depth of cut, flank wear, and the
     insert's wear factor and strength. On a family, the context then also holds the true laws. No
