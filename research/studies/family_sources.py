@@ -1,6 +1,7 @@
 """Count the numbers of families by what their sources name: data, an assumption, or neither.
 
-    python -m research.studies.family_sources shop shop2
+    python -m research.studies.family_sources
+    python -m research.studies.family_sources unmodelled2 --list assumption
 
 Counted are the two numbers of each distribution and of each deviation of the truth, the numbers of
 tables, and fields that are plain numbers, which have no source. A source is read clause by clause:
@@ -18,6 +19,7 @@ from typing import NamedTuple
 from leaderboard.table import markdown
 from turning_env import Family, ScenarioError
 from turning_env.console import described, exits
+from turning_env.scenario.family import families
 
 ASSUMPTION, DATA, NEITHER = "assumption", "data", "neither"
 TRUTH = "truth"
@@ -124,8 +126,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "families",
         nargs="*",
-        default=["shop", "shop2"],
-        help="families, or TOML files (default: shop and its next draw)",
+        default=list(families()),
+        help="families, or TOML files (default: all that ship)",
     )
     parser.add_argument(
         "--list",

@@ -15,6 +15,7 @@ from turning_env.scenario.sections import EdgeFailure, Mismatch
 SHOP = Family.load("shop")
 SHOP2 = Family.load("shop2")
 UNMODELLED = Family.load("unmodelled")
+UNMODELLED2 = Family.load("unmodelled2")
 JOBS = {
     "train": "67b14524b7e305a5",
     "validation": "ab00820dc183e917",
@@ -126,7 +127,7 @@ def test_jobs_are_as_released_on_every_processor(split):
 
 
 def test_a_family_is_the_same_from_a_dict_and_a_file(tmp_path):
-    assert families() == ("shop", "shop2", "unmodelled")
+    assert families() == ("shop", "shop2", "unmodelled", "unmodelled2")
     assert Family.load(SHOP.model_dump(mode="json", exclude_none=True)) == SHOP
     path = tmp_path / "mine.toml"
     path.write_text('[variables]\n[fields]\n"limits.power" = 6.5\n')
@@ -216,6 +217,28 @@ def test_start_speeds_depend_on_the_grade():
         assert any(
             abs(speed - usual_speed) < 1e-9 for speed in usual for usual_speed in usual_speeds
         )
+
+
+def test_about_half_of_the_lathes_have_each_form_and_no_nominal_model_has_any():
+    jobs = UNMODELLED2.draw("train", 0)
+    failure = jobs.true.edge_failure
+    nominal_windows = jobs.nominal_fields["swarf.chip_feed_min"]
+    present = [
+        failure.collapse_temperature < 5000.0,
+        failure.built_up_edge > 1e-6,
+        failure.notch_growth > 1e-6,
+        jobs.true.machine.chatter > 1e-6,
+        jobs.true_fields["swarf.chip_feed_min"] != nominal_windows,
+    ]
+    for form in present:
+        assert form.mean() == pytest.approx(0.5, abs=0.12)
+    # One form says nothing of another.
+    correlations = np.corrcoef(present) - np.eye(len(present))
+    assert np.abs(correlations).max() < 0.25
+    nominal = UNMODELLED2.job(0).scenario.nominal()
+    assert nominal.edge_failure == EdgeFailure()
+    assert nominal.machine.chatter == 0.0
+    assert set(nominal_windows) <= {row[0] for row in UNMODELLED2.tables["breaker"].rows.values()}
 
 
 def test_a_family_extends_another_and_shows_values_of_a_catalogue(tmp_path):
