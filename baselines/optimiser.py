@@ -246,7 +246,7 @@ class Optimiser(Policy):
         exponents = self._filter.exponents
         min_log_speed, max_log_speed = self._reach(
             reading.commanded_cutting_speed,
-            (scenario.machine.cutting_speed_min, self._max_speed(used_life)),
+            (self._min_speed(used_life), self._max_speed(used_life)),
             step=scenario.control.cutting_speed_step,
         )
         min_log_feed, max_log_feed = self._reach(
@@ -278,6 +278,10 @@ class Optimiser(Policy):
         environments["force_growth"] = growth[FORCE]
         environments["power_growth"] = growth[POWER]
         return environments
+
+    def _min_speed(self, used_life: Array) -> Any:
+        """Return the lowest cutting speed to command [m/min] at nominal used lives [-]."""
+        return self._scenario.machine.cutting_speed_min
 
     def _max_speed(self, used_life: Array) -> Any:
         """Return the highest cutting speed to command [m/min] at nominal used lives [-]."""

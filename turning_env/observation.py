@@ -103,11 +103,17 @@ def observe_further(state, work, first, last, p):
             ratio = state.removed_wear[i] / p.wear_criterion[i]
             entries[OBS.removed_wear, i] = min(ratio, MAX_RATIO)
     if p.counts_tangles:
-        for i in env_range(first, last):
-            entries[OBS.tangles, i] = min(float(work.tangles[i]), MAX_RATIO)
+        observe_tangles(work, first, last)
     if p.observes_all:
         for i in env_range(first, last):
             observe_hidden_state(state, work, i, p)
+
+
+@compiled
+def observe_tangles(work, first, last):
+    """Observe the stops for tangled chips."""
+    for i in env_range(first, last):
+        work.observation[OBS.tangles, i] = min(float(work.tangles[i]), MAX_RATIO)
 
 
 @compiled

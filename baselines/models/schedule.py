@@ -26,8 +26,8 @@ from turning_env.numerics.functions import exp, hypotenuse, log, real_power
 from turning_env.physics.spindle import capacity_at, idle_power_at
 from turning_env.scenario.sections import EdgeFailure
 
-FORMS = "edge_failure.", "machine.chatter"
-"""Beginnings of the dotted names of the fields that the schedule needs beside the power laws."""
+FORMS = "edge_failure.", "machine.chatter", "swarf."
+"""Beginnings of the dotted names of the fields that a plan needs beside the power laws."""
 LIVES = 40  # steps of the used life
 SPEEDS = 24  # cutting speeds that are compared
 FEEDS = 14  # feeds that are compared

@@ -1,0 +1,210 @@
+"""Show what the hidden forms of the family `unmodelled2` are worth, and that they can be found.
+
+    python -m research.studies.unmodelled_draw
+    python -m research.studies.unmodelled_draw --part probe --jobs 64
+
+Training jobs only. ``worth`` plays the strongest simple rules and a planner that knows the forms:
+constants, a regression of the highest speed on all numbers of the context (each job by the others),
+``contextual`` with the law that ships, and ``baselines/oracles/known_forms.py``. ``probe`` predicts
+each form from the history of two edges (``edge_probe.py``), and from the context alone.
+
+Rules' returns are kept in ``RUNS/NAME.jsonl``, so an interrupted study goes on.
+"""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from baselines import tuned
+from baselines.models.schedule import FORMS
+from baselines.oracles.known_forms import KnownForms, collapses
+from baselines.self_tuning import RULES
+from baselines.tune_contextual import LOG_SPEEDS, NAME, Plays
+from leaderboard.family import FamilyPlay, Truthful
+from leaderboard.table import markdown
+from research.studies.edge_probe import (
+    FOLDS,
+    area_with_interval,
+    explored,
+    left_out_scores,
+)
+from turning_env import Family
+from turning_env.console import described, exits, positive
+from turning_env.scenario.family import Job
+from turning_env.scoring.comparators import CAUSAL
+from turning_env.scoring.play import EPISODE_FIELDS, Episodes, play_family
+from turning_env.scoring.policy import Policy, PolicyFactory
+from turning_env.scoring.statistics import Bootstrap, Estimate, Floats
+
+SPLIT = "train"
+WORTH_JOBS = 96
+PROBE_JOBS = 384
+BATCH = 64  # jobs that are played together
+RIDGE = 30.0  # penalty over the squares of the slopes of returns over the context
+PARTS = ("worth", "probe")
+MIN_FORM = 1e-6  # size below which a form is none [-]
+
+
+class Row(NamedTuple):
+    """A policy's returns on the jobs [s], and its broken edges, if they are known."""
+
+    policy: str
+    returns: Floats
+    edges_broken: Floats | None = None
+
+
+def forms_of(job: Job) -> dict[str, bool]:
+    """Return which forms a job has, by name."""
+    scenario = job.scenario
+    window = scenario.swarf.chip_feed_min
+    return {
+        "collapse": collapses(scenario),
+        "built-up edge": scenario.edge_failure.built_up_edge > MIN_FORM,
+        "notch": scenario.edge_failure.notch_growth > MIN_FORM,
+        "chatter": scenario.machine.chatter > MIN_FORM,
+        "chip window": window != scenario.nominal().swarf.chip_feed_min,
+    }
+
+
+def given(policy: Policy) -> PolicyFactory:
+    """Return a factory of a policy that is made already."""
+    return lambda num_envs: policy
+
+
+def by_known_forms(family: Family, num_jobs: int) -> Row:
+    """Return the row of ``KnownForms``, whose nominal models have the true forms."""
+    truthful = Truthful.of(family, FORMS)
+    jobs = [truthful.job(number, SPLIT) for number in range(num_jobs)]
+    limits = [job.scenario.control.time_limit for job in jobs]
+    order = np.argsort(limits, kind="stable").tolist()
+    parameters: Any = RULES["self_tuning"].fixed
+    episodes: Episodes = {name: np.empty(num_jobs) for name in EPISODE_FIELDS}
+    for first in range(0, num_jobs, BATCH):
+        chunk = order[first : first + BATCH]
+        models = [jobs[number].scenario.nominal() for number in chunk]
+        policy = KnownForms(models, len(chunk), **parameters)
+        ended = play_family(truthful, SPLIT, chunk, make_policy=given(policy), context="hidden")
+        for name in EPISODE_FIELDS:
+            episodes[name][chunk] = ended[name]
+    return Row("`self_tuning` with known forms", episodes["return"], episodes["edges_broken"])
+
+
+def played(family: Family, policy: str, num_jobs: int) -> Row:
+    """Return the row of a controller with its parameters on the family, or of the oracle."""
+    truthful = Truthful.of(family) if policy == CAUSAL else family
+    parameters = tuned.on_family(family, policy)
+    plays = FamilyPlay(truthful, SPLIT, policy, forgets=False, parameters=parameters)
+    episodes = plays(family.job(0).scenario, range(num_jobs), lambda ended: None)
+    return Row(f"`{policy}`", episodes["return"], episodes["edges_broken"])
+
+
+def by_regression(returns: Floats, context: Floats) -> Row:
+    """Return the row of a highest speed by ridge regression on the context.
+
+    The regression predicts the return at each speed of the grid. Each job takes the speed that is
+    best by the regression on the jobs of the other folds.
+
+    Args:
+        returns: returns of the jobs at the speeds of the grid [s], shape (jobs, speeds).
+        context: standardised numbers of the context, shape (jobs, numbers).
+    """
+    folds = np.arange(len(returns)) % FOLDS
+    choices = np.empty(len(returns), np.int64)
+    for fold in range(FOLDS):
+        others = folds != fold
+        mean = returns[others].mean(axis=0)
+        centred = context[others] - context[others].mean(axis=0)
+        normal = centred.T @ centred + RIDGE * np.eye(context.shape[1])
+        slopes = np.linalg.solve(normal, centred.T @ (returns[others] - mean))
+        predicted = mean + (context[~others] - context[others].mean(axis=0)) @ slopes
+        choices[~others] = predicted.argmax(axis=1)
+    chosen = returns[np.arange(len(returns)), choices]
+    return Row("speed by regression on the context", chosen)
+
+
+def worth(family: Family, num_jobs: int, log: Path) -> list[dict[str, str]]:
+    """Return the table of what knowing the forms is worth."""
+    grid = Plays(family, log).grid(num_jobs)
+    rows = []
+    for place, log_speed in enumerate(LOG_SPEEDS):
+        share = float(np.exp(log_speed))
+        rows.append(Row(f"`self_tuning`, at most {share:.2f} start speeds", grid.returns[:, place]))
+    context = np.array([family.job(number, SPLIT).context for number in range(num_jobs)])
+    rows.append(by_regression(grid.returns, context))
+    if tuned.on_family(family, NAME):
+        rows.append(played(family, NAME, num_jobs))
+    strongest = max(rows, key=lambda row: row.returns.mean())
+    rows.append(by_known_forms(family, num_jobs))
+    rows.append(played(family, CAUSAL, num_jobs))
+    return [cells(row, strongest) for row in rows]
+
+
+def cells(row: Row, strongest: Row) -> dict[str, str]:
+    """Return the cells of a row, by heading."""
+    bootstrap = Bootstrap(len(row.returns))
+    lead = row.returns - strongest.returns
+    over = Estimate.of(lead.mean(), bootstrap.means(lead[np.newaxis], row.policy))
+    mean = Estimate.of(row.returns.mean(), bootstrap.means(row.returns[np.newaxis], row.policy))
+    broken = "" if row.edges_broken is None else f"{row.edges_broken.mean():.2f}"
+    is_strongest = row.policy == strongest.policy
+    return {
+        "Policy": row.policy,
+        "Return [s]": f"{mean.value:.0f} ({mean.low:.0f} to {mean.high:.0f})",
+        "Over the strongest rule [s]": ""
+        if is_strongest
+        else f"{over.value:.0f} ({over.low:.0f} to {over.high:.0f})",
+        "Median [s]": "" if is_strongest else f"{np.median(lead):.0f}",
+        "Edges broken per job": broken,
+    }
+
+
+def probe(family: Family, num_jobs: int) -> list[dict[str, str]]:
+    """Return the table of how well the forms are predicted."""
+    jobs = [family.job(number, SPLIT) for number in range(num_jobs)]
+    context = np.array([job.context for job in jobs])
+    present = [forms_of(job) for job in jobs]
+    history = explored(family, SPLIT, num_jobs)
+    rows = []
+    for form in present[0]:
+        there = np.array([forms[form] for forms in present])
+        row = {"Form": form, "There [% of jobs]": f"{100.0 * there.mean():.0f}"}
+        for title, numbers in (("history of two edges", history), ("context", context)):
+            area, low, high = area_with_interval(left_out_scores(numbers, there), there)
+            row[f"AUC, {title}"] = f"{area:.2f} ({low:.2f} to {high:.2f})"
+        rows.append(row)
+    return rows
+
+
+@exits(ValueError)
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print the tables; return the exit status."""
+    parser = argparse.ArgumentParser(
+        prog="python -m research.studies.unmodelled_draw", **described(__doc__)
+    )
+    add = parser.add_argument
+    add("family", nargs="?", default="unmodelled2", help="family (default: %(default)s)")
+    add("--part", choices=PARTS, help="the one table to print (default: both)")
+    add(
+        "--jobs",
+        type=positive,
+        help=f"training jobs (default: {WORTH_JOBS} for worth, {PROBE_JOBS} for probe)",
+    )
+    add("--runs", type=Path, default=Path("runs"), help="folder of logs (default: %(default)s)")
+    options = parser.parse_args(arguments)
+    family = Family.load(options.family)
+    if options.part != "probe":
+        options.runs.mkdir(parents=True, exist_ok=True)
+        log = options.runs / f"{family.name}_draw.jsonl"
+        print(markdown(worth(family, options.jobs or WORTH_JOBS, log)), flush=True)
+    if options.part != "worth":
+        print()
+        print(markdown(probe(family, options.jobs or PROBE_JOBS)))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
