@@ -243,6 +243,8 @@ def play(options: argparse.Namespace) -> int:
     python -m turning_env play
     python -m turning_env play --env RoughTurning-Override-v1 --seed 7
     """
+    if options.seed < 0:
+        raise UserError(f"--seed {options.seed} must be 0 or more")
     game = Game(options.env, options.seed, options.fps)
     try:
         while game.advance():

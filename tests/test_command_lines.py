@@ -51,6 +51,11 @@ MISTAKES = {
         "nothing.mpf --scenario rough_turning --adapt nothing",
         "nothing.mpf --scenario rough_turning --tool T1",
     ],
+    "turning_env play": [
+        "--env nothing",
+        "--seed -1",
+        "--fps 0",
+    ],
     "turning_env score": [
         "nothing.onnx",
         "nothing:policy",
