@@ -143,7 +143,7 @@ function cheapest() {
 
 const map = document.getElementById('map');
 const speeds = ratios(...range.cutting_speed, 41), feeds = ratios(...range.feed, 41);
-const margin = { left: 56, right: 14, top: 10, bottom: 46 };
+const margin = { left: 68, right: 14, top: 10, bottom: 46 };
 
 function scale([low, high], from, to) {
   const along = (value) => from + (to - from) * (value - low) / (high - low);
@@ -233,6 +233,7 @@ function drawMap(best) {
     drawn.push(element('path', { class: `line ${look}`, d: contour(of(name), 1, x, y).line }));
   const box = measured();
   document.getElementById('measured').hidden = !box;
+  document.getElementById('measured').textContent = data.origins === 'measured' ? 'measured range' : 'range of the catalogue';
   if (box) {
     const [a, b] = box.cutting_speed.map(x), [c, d] = box.feed.map(y);
     drawn.push(element('rect', { class: 'measured', x: a, y: d, width: b - a, height: c - d }));
@@ -284,7 +285,7 @@ function set(changes) {
     settings[name] = value;
     const { number, slider, factor } = inputs[name];
     if (Math.abs(Number(number.value) - factor * value) > 1e-9) number.value = String(Number((factor * value).toPrecision(5)));
-    slider.value = factor * value;
+    slider.value = Number((factor * value).toPrecision(9));
   }
   update();
 }
@@ -298,7 +299,7 @@ function update() {
   const costless = settings.insert_price && unit === 'min';
   const cost = costless ? 'set an hourly rate for costs' : `${money(values.cost)} ${unit} a part`;
   verdict.textContent = `${over.length ? `Above what is allowed: ${over.map(([name]) => name).join(', ')}` : 'Within limits'}`
-    + ` · change after ${shown(values.parts)} parts · ${cost}${extrapolated ? ' · * extrapolated: not measured there' : ''}`;
+    + ` · change after ${shown(values.parts)} parts · ${cost}${extrapolated ? ' · * extrapolated: not ' + data.origins + ' there' : ''}`;
   verdict.className = over.length ? 'bad' : '';
   const percent = (name) => data.limits[name] === null ? '' : `, ${Math.round(100 * values[`${name}_share`])} % of limit`;
   const rows = [
@@ -340,6 +341,7 @@ function update() {
 
 function makeSlider({ name, label, unit, low, high, value }) {
   const { name: unitName, factor } = unitOf(unit);
+  const inUnit = (number) => Number((factor * number).toPrecision(9));
   const digits = (DIGITS[name] ?? 1) + (unitOf(unit).decimals ?? 0);
   const box = document.createElement('div');
   box.className = 'slider';
@@ -347,11 +349,11 @@ function makeSlider({ name, label, unit, low, high, value }) {
   title.textContent = label;
   title.htmlFor = name;
   const number = box.appendChild(document.createElement('input'));
-  Object.assign(number, { type: 'number', id: name, min: factor * low, max: factor * high, step: 'any', required: true });
+  Object.assign(number, { type: 'number', id: name, min: inUnit(low), max: inUnit(high), step: 'any', required: true });
   const units = box.appendChild(document.createElement('small'));
   units.textContent = unitName.replace('money', data.currency);
   const slider = box.appendChild(document.createElement('input'));
-  Object.assign(slider, { type: 'range', min: factor * low, max: factor * high, step: 'any', ariaLabel: `${label}, slider` });
+  Object.assign(slider, { type: 'range', min: inUnit(low), max: inUnit(high), step: 'any', ariaLabel: `${label}, slider` });
   number.disabled = slider.disabled = name === 'cutting_speed' && data.set_speed !== null;
   number.addEventListener('input', () => number.checkValidity() && set({ [name]: Number(number.value) / factor }));
   slider.addEventListener('input', () =>
@@ -359,7 +361,7 @@ function makeSlider({ name, label, unit, low, high, value }) {
   inputs[name] = { number, slider, factor };
   settings[name] = value;
   number.value = String(Number((factor * value).toPrecision(5)));
-  slider.value = factor * value;
+  slider.value = inUnit(value);
   return box;
 }
 

@@ -121,6 +121,7 @@ def page_data(
     return {
         "laws": laws,
         "known": known,
+        "origins": evidence.origins,
         "beyond": BEYOND,
         "life_spread": life_spread(scenario),
         "criterion": scenario.tool.wear_criterion,

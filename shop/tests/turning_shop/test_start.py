@@ -329,10 +329,13 @@ def test_missing_and_contradicting_options_are_named(
     assert message in capsys.readouterr().err
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["docs/start_values.md", "README.md"])
 def test_the_page_works_as_printed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    page = (ROOT / "shop" / "docs" / "start_values.md").read_text("utf-8")
+    pytest.importorskip("shapely")
+    page = (ROOT / "shop" / name).read_text("utf-8")
     shutil.copytree(ROOT / "shop" / "examples", tmp_path / "shop" / "examples")
     monkeypatch.chdir(tmp_path)
     for block in blocks(page):
@@ -340,7 +343,13 @@ def test_the_page_works_as_printed(
             Path(str(block.title)).write_text(block.text)
             continue
         for line in commands(block):
+            if line.startswith("pip "):
+                continue
             assert main(shlex.split(line)[3:]) == 0, line
     printed = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
-    quoted = [" ".join(line.split()) for line in page.splitlines() if line.startswith("    ")]
+    quoted = []
+    for line in page.splitlines():
+        if line.startswith(("    ", "> ")):
+            quoted.append(" ".join(line.removeprefix("> ").split()))
+    assert quoted
     assert set(quoted) <= set(printed)
