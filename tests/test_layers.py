@@ -23,7 +23,8 @@ BENCHMARK: dict[str, set[str]] = {
 WORKSHOP = {
     "turning_shop": {"turning_env", "baselines"},
     "turning_nc": {"turning_env", "baselines", "train", "turning_shop"},
-    "turning_control": {"turning_env", "baselines"},
+    # Records of a machine become sheets of cuts.
+    "turning_control": {"turning_env", "baselines", "turning_shop"},
 }
 """Packages of the shop, and those that each may import."""
 MAY_IMPORT = BENCHMARK | WORKSHOP
