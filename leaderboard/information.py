@@ -86,7 +86,7 @@ def information(policy: PolicySpec, scenario: Scenario) -> Information | None:
     if given is None:
         return Information(given=None, seen=None, steps=None)
     parameters = current_names(policy.parameters)
-    seen = _run_time_inputs(parameters, learns_from_rewards="rewards" in given)
+    seen = _run_time_inputs(parameters, has_gradients="model gradients" in given)
     if scenario.workpiece.bars > 0 and scenario.control.edge_changes == "end":
         given -= LIFE_PRICE  # the job ends before the edge: its life has the flat price
     return Information(
@@ -96,13 +96,13 @@ def information(policy: PolicySpec, scenario: Scenario) -> Information | None:
     )
 
 
-def _run_time_inputs(parameters: Mapping[str, object], learns_from_rewards: bool) -> set[str]:
+def _run_time_inputs(parameters: Mapping[str, object], has_gradients: bool) -> set[str]:
     """Return the inputs at run time, names in ``RUN_TIME_INPUTS``.
 
     Without a statement, an agent has memory and position if it was trained with gradients, and
-    neither if it was trained with rewards: the defaults of the algorithms.
+    neither if it was trained otherwise: the defaults of the algorithms.
     """
-    by_default = not learns_from_rewards
+    by_default = has_gradients
     inputs = set()
     if "context" in parameters and parameters.get("hides_context") is not True:
         inputs.add("context")

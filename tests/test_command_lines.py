@@ -240,6 +240,15 @@ MISTAKES = {
         "vicomtech nothing.csv",
         "h13 nothing.csv",
     ],
+    "research.studies.slower_wear": [
+        "nothing.csv",
+        "",
+    ],
+    "research.studies.unmodelled_draw": [
+        "nothing",
+        "unmodelled2 --jobs 0",
+        "unmodelled2 --part nothing",
+    ],
     "research.studies.paired": [
         "ppo causal --scenarios nothing",
         "ppo causal",

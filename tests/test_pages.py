@@ -49,6 +49,9 @@ SMALLER = {
     "make verify": Smaller(
         "VERIFY='--seeds 2 --env RoughTurning-Batch-v0 --policies parts_fixed_tuned ppo-seed0'"
     ),
+    "python -m train.dagger": Smaller(
+        "--steps 512 --set num_envs=8 --set n_steps=32 --set teacher_steps=32 --set n_updates=2"
+    ),
     "python -m train.ppo": Smaller("--steps 20000 --set num_envs=32"),
     "python -m train.tune": Smaller("--steps 4096 --trials 1"),
     "python -m baselines.tune": Smaller(
