@@ -6,7 +6,13 @@ import pytest
 
 from tests.train.small import ALGORITHMS
 from train.agents import agent_file
-from train.training_information import MODEL_FREE, TRAINING_INPUTS, training_information, with_terms
+from train.training_information import (
+    IMITATION,
+    MODEL_FREE,
+    TRAINING_INPUTS,
+    training_information,
+    with_terms,
+)
 
 AGENTS = Path(__file__).parents[2] / "agents"
 TEACHER = {"model gradients", "true states", "geometry", "life price", "spreads"}
@@ -69,4 +75,4 @@ def test_shipped_agents_keep_their_inputs(path: Path) -> None:
     metadata = agent_file.read(path).metadata
     given = training_information(metadata.parameters, metadata.command)
     assert given is not None
-    assert (metadata.algorithm == "analytic_gradient") == (not given <= MODEL_FREE)
+    assert (metadata.algorithm == "analytic_gradient") == (not given <= MODEL_FREE | IMITATION)

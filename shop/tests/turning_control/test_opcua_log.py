@@ -40,6 +40,7 @@ class Server(NamedTuple):
     url: str
     nodes: dict[str, Any]  # by the machine and the browse path
     requests: list[Any]  # to write or to subscribe, by clients
+    started: float  # time.monotonic() [s]
 
 
 @pytest.fixture(scope="module")
@@ -91,7 +92,7 @@ def server() -> Iterator[Server]:
             server.tloop.post(server.aio_obj.historize_node_data_change(node))
         for kind in (CallbackType.PreWrite, CallbackType.ItemSubscriptionCreated):
             server.aio_obj.subscribe_server_callback(kind, record_request)
-        yield Server(url, nodes, requests)
+        yield Server(url, nodes, requests, started=time.monotonic())
 
 
 def source(
@@ -159,6 +160,8 @@ def test_what_passed_in_a_silence_comes_from_the_history(server: Server) -> None
 
 def test_a_silence_without_history_is_a_gap_that_says_what_is_missing(server: Server) -> None:
     twin = source(server, "Twin", spindle="S1")
+    # The server must have been there all the while: its start would be another gap.
+    time.sleep(max(0.0, server.started + 2.5 - time.monotonic()))
     earlier = Sample(time=datetime.now(UTC) - timedelta(seconds=1.5))
     first, *others = twin.samples(earlier, times(4))
     assert "without a reading" in first.gap
