@@ -90,7 +90,7 @@ class Evidence(BaseModel, frozen=True, allow_inf_nan=False):
 
     @property
     def origins(self) -> str:
-        """Where its laws come from, for people: "measured", or "in the catalogue"."""
+        """The source of its laws, for people: "measured", or "in the catalogue"."""
         origins = {law.origin for law in self.laws.values()}
         return "in the catalogue" if origins == {"catalogue"} else "measured"
 

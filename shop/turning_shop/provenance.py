@@ -176,7 +176,7 @@ def load(
 
 
 class Stated(NamedTuple):
-    """What files state of a scenario."""
+    """The fields of a scenario that files state."""
 
     names: set[str]  # of the values, with their sections
     preset: str  # that has all others

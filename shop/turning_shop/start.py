@@ -83,7 +83,7 @@ class Stock(NamedTuple):
 
 
 class Question(NamedTuple):
-    """What the user states."""
+    """Material, insert, grade, stock and wishes, as the user states them."""
 
     material: str
     tool: str
@@ -98,7 +98,7 @@ class Question(NamedTuple):
 
 
 class Window(NamedTuple):
-    """Where insert, grade and machine allow cuts."""
+    """Ranges of cuts that insert, grade and machine allow."""
 
     speeds: tuple[float, float]  # [m/min]
     feeds: tuple[float, float]  # [mm/rev]

@@ -42,7 +42,7 @@ HEADERS = (
 
 @dataclass(frozen=True)
 class Settings:
-    """What a record does not say."""
+    """Settings of a search for cuts, which a record does not state."""
 
     x: str | None = None  # whether the record's x is a "radius" or a "diameter"
     diameter: float | None = None  # of the bar, the same in all cuts [mm]

@@ -39,7 +39,7 @@ STATUS = {
     "running": "stat.interp_state and stat.motion_type",
     "tool": "stat.tool_in_spindle",
 }
-"""Where each quantity comes from."""
+"""Fields of the status channel by quantity."""
 
 
 class LinuxCncSource:

@@ -44,7 +44,7 @@ ASSUMED = (
     f"1 + {TYPICAL_GROWTH['power']:g} VB, with flank wear VB in mm, as on 13 tools of Vicomtech",
     "the entering angle is near 90 degrees",
 )
-"""What the laws assume, for people."""
+"""Assumptions of the laws, as sentences for people."""
 
 
 def material_of(group: Group, start: Start, wear_criterion: float) -> Material:
