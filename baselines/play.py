@@ -95,7 +95,7 @@ class Keyboard:
         return float(self._is_active(up)) - float(self._is_active(down))
 
     def pressed(self, name: str) -> bool:
-        """Return whether a key was pressed since the last look but one."""
+        """Return whether a key was pressed between the last two looks."""
         return self._pygame.key.key_code(name) in self._pressed
 
     def _is_active(self, name: str) -> bool:

@@ -34,7 +34,6 @@ _COMPILED = ("numerics", "physics", "batch")
 """Folders with compiled functions. ``observation.py`` and an entry's own folder have some, too."""
 _NAME = "machine_code-"
 _DIGITS = 12  # of a digest in a folder's name
-LINKED: Any = {"no_cfunc_wrapper": True, "pipeline_class": LinkedCompiler}
 _NOTICE_AFTER = 2.0  # [s]
 FIRST_ENV = np.uint64(0)
 ONE_ENV = np.uint64(1)
