@@ -537,8 +537,7 @@ def _advise(options: argparse.Namespace) -> int:
 
     python -m turning_env advise my_tool.toml
     python -m turning_env advise my_tool.toml --agent my_agent.onnx
-    python -m turning_env advise --material 42CrMo4 --tool CNMG120408-PM --grade P25 \
-        --stock 80x200 --depth 2 --machine machine.toml
+    python -m turning_env advise --material 42CrMo4 --tool CNMG120408-PM --grade P25 --stock 80x200
     """
     from turning_shop import start
     from turning_shop.advise import advise, headline, summary

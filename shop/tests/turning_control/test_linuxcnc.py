@@ -412,7 +412,7 @@ def test_the_simulated_figures_are_those_of_the_documentation() -> None:
     simulated = linuxcnc.simulated("programmed", Scenario.load("override"), bars=1, seed=0)
     comparison = linuxcnc.Comparison(linuxcnc=simulated, simulation=simulated)
     table = linuxcnc.table({"programmed": comparison})
-    assert "| programmed | simulation | 22.4" in table  # docs/linuxcnc.md
+    assert "| programmed | simulation | 22.4" in table  # docs/connect_a_lathe.md
 
 
 # Parts of the command lines of processes that belong to the demo.

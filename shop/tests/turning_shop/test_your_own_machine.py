@@ -1,6 +1,6 @@
 """The tutorial for a machine of your own works as printed, but for tuning.
 
-Files, commands, program and quotations are taken from the pages in the order given.
+Files, commands, program and quotations are taken from the page in the order given.
 """
 
 import re
@@ -15,10 +15,7 @@ from tests.walking import ROOT, blocks, commands
 from turning_env import Scenario
 from turning_env.__main__ import main
 
-PAGE = "\n".join(
-    (ROOT / "shop" / "docs" / page).read_text("utf-8")
-    for page in ("your_own_machine.md", "advice.md")
-)
+PAGE = (ROOT / "shop" / "docs" / "your_own_machine.md").read_text("utf-8")
 PROMPT = ["python", "-m", "turning_env"]
 NUMBER = r"-?\d+(?:\.\d+)?"
 
