@@ -20,18 +20,14 @@ from mkdocs.structure.pages import Page
 
 import turning_env
 from leaderboard import page
-from leaderboard.ranking import Leaderboard, read_leaderboards
+from leaderboard.ranking import read_leaderboards
 from leaderboard.result import RESULTS
-from leaderboard.standings import Standing
-from leaderboard.table import VERDICTS
 from turning_env.physics.quantities import INFO, OBSERVATION, layout
 
 ROOT = Path(__file__).parents[1]
 LEADERBOARD = "leaderboard-page.html"
 MAIN_ID = "RoughTurning-v0"
-"""The id with a page of its own."""
-TOP = 5
-"""Number of policies in the short tables of the leaderboard."""
+"""The id that comes first on the page of the tasks."""
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
@@ -57,27 +53,23 @@ def on_page_content(content: str, **_: Any) -> str:
 
 def pages() -> dict[str, str]:
     """Return the text of all generated pages by path."""
-    leaderboards = read_leaderboards(RESULTS)
     return {
-        "index.md": _from_root("README.md"),
+        "index.md": _from_root("README.md") + _citation(),
         "contributing.md": _from_root("CONTRIBUTING.md"),
-        "changelog.md": _from_root("CHANGELOG.md"),
-        "cite.md": _citation(),
-        "environment.md": _specification(MAIN_ID),
-        "tasks.md": _other_tasks(),
+        "environment.md": _tasks(),
         "scenario.md": "\n".join(_scenario()),
-        "leaderboard.md": "\n".join(_leaderboard(leaderboards)),
-        LEADERBOARD: page.render(leaderboards),
+        LEADERBOARD: page.render(read_leaderboards(RESULTS)),
     }
 
 
 def _citation() -> str:
     citation = (ROOT / "CITATION.cff").read_text("utf-8")
-    return f"# How to cite\n\n```yaml\n{citation}```\n"
+    return f"\n## How to cite\n\n```yaml\n{citation}```\n"
 
 
-def _other_tasks() -> str:
-    sections = ["# The other tasks\n"]
+def _tasks() -> str:
+    """Return the specifications of all ids, that of the main id first."""
+    sections = [_specification(MAIN_ID)]
     for env_id in turning_env.IDS:
         if env_id != MAIN_ID:
             sections.append(_specification(env_id, level=2))
@@ -92,10 +84,10 @@ def _from_root(name: str) -> str:
     text = (ROOT / name).read_text("utf-8")
     text = re.sub(r"\]\((?:docs/|(shop/)docs/)([^)]*)\)", r"](\1\2)", text)
     text = text.replace("](CONTRIBUTING.md)", "](contributing.md)")
-    text = text.replace("](CHANGELOG.md)", "](changelog.md)")
+    text = text.replace("](CITATION.cff)", "](#how-to-cite)")
     text = text.replace("](README.md)", "](index.md)")
     # Of a link that leads to no page, anchor or other site, only the text stays.
-    outside = r"(?<!!)\[([^\]]*)\]\((?![a-z_/]*\.md|https?:|#|tutorials/|papers/)[^)]*\)"
+    outside = r"(?<!!)\[([^\]]*)\]\((?![a-z_/]*\.md|https?:|#|tutorials/)[^)]*\)"
     return re.sub(outside, r"\1", text)
 
 
@@ -182,22 +174,23 @@ def _fields_table(
 
 def _presets_table() -> Iterator[str]:
     yield "## Presets\n"
+    yield "The files in `turning_env/scenario/presets/` have the sources of their numbers.\n"
     yield "| Name | Description |"
     yield "|---|---|"
     folder = Path(turning_env.__path__[0]) / "scenario" / "presets"
     for preset in turning_env.presets():
-        description = _first_comment(folder / f"{preset}.toml")
+        description = _first_sentence(folder / f"{preset}.toml")
         yield f"| `{preset}` | {html.escape(description, quote=False)} |"
 
 
-def _first_comment(path: Path) -> str:
-    """Return the comment at the beginning of a preset's file, which describes it."""
+def _first_sentence(path: Path) -> str:
+    """Return the first sentence of the comment at the beginning of a preset's file."""
     comment = []
     for line in path.read_text("utf-8").splitlines():
         if not line.startswith("#"):
             break
         comment.append(line.removeprefix("#").strip())
-    return " ".join(comment)
+    return re.split(r"(?<=\.) (?=[A-Z\"\[*])", " ".join(comment), maxsplit=1)[0]
 
 
 def _shown(default: Any) -> str:
@@ -214,26 +207,3 @@ def _allowed(field: Mapping[str, Any]) -> str:
     if "minimum" in field and "maximum" in field:
         return f"{field['minimum']:g} to {field['maximum']:g}"
     return ""
-
-
-def _leaderboard(leaderboards: Sequence[Leaderboard]) -> Iterator[str]:
-    yield "# Leaderboard\n"
-    yield "Each table lists the five best [policies](glossary.md#policy) on a task."
-    yield f"[The full leaderboard]({LEADERBOARD}) adds"
-    yield "confidence intervals, limits, splits and trajectories.\n"
-    for leaderboard in leaderboards:
-        if leaderboard.task.scenario.name in turning_env.SPLITS:
-            continue
-        yield f"## {leaderboard.task.env_id}\n"
-        yield "| Policy | Return [s], 95 % interval | Feasible |"
-        yield "|---|---|---|"
-        for standing in leaderboard.standings[:TOP]:
-            yield _leaderboard_row(standing)
-        yield ""
-
-
-def _leaderboard_row(standing: Standing) -> str:
-    mean = standing.mean_return
-    interval = f"{mean.value:.1f} ({mean.low:.1f} to {mean.high:.1f})"
-    feasible = VERDICTS[standing.feasibility].lower()
-    return f"| `{standing.name}` | {interval} | {feasible} |"

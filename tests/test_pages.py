@@ -34,6 +34,10 @@ ELSEWHERE = (
     # tests/test_tables.py prints these tables and draws this figure.
     "python -m leaderboard show --results leaderboard/results --",
     "python -m leaderboard figure --aggregate",
+    # Readers have these files, and the page shows them made in other ways.
+    "python -m train.export mine-seed3.zip",
+    "python -m leaderboard run --env RoughTurning-Family-v0 --agents submissions",
+    "docker ",
 )
 SMALLER = {
     "make leaderboard": Smaller(
@@ -139,9 +143,8 @@ def test_every_link_of_the_readme_leads_somewhere() -> None:
         assert (ROOT / target).exists(), target
 
 
-@pytest.mark.parametrize("page", ["soundness", "security"])
-def test_every_file_that_a_page_of_guarantees_names_is_there(page: str) -> None:
-    text = (DOCS / f"{page}.md").read_text("utf-8")
+def test_every_file_that_the_page_of_guarantees_names_is_there() -> None:
+    text = (DOCS / "soundness.md").read_text("utf-8")
     named = set(re.findall(r"`((?:tests|studies|train|turning_env)/[\w/.]+)`", text))
     assert named
     assert {path for path in named if not (ROOT / path).exists()} == set()

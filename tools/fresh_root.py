@@ -4,7 +4,7 @@ Most of the history's size is results and agents that were replaced before anyth
 This makes a branch of two commits: the tree of HEAD with the agents of all training seeds, and the
 same without seeds 1 to 9, whose Makefile names the first commit as ALL_SEEDS. It writes all
 branches and tags, as they were, to a Git bundle. No existing branch and no file of the working tree
-changes. docs/publishing.md has the steps that follow.
+changes. CONTRIBUTING.md has the steps that follow.
 
     python -m tools.fresh_root --archive ../rough-turning-history.bundle
 """

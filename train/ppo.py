@@ -29,7 +29,7 @@ Tensor = torch.Tensor
 
 
 class LeanPPO(PPO):
-    """Stable-Baselines3's PPO without its Python loops over environments (docs/peers.md).
+    """Stable-Baselines3's PPO without its Python loops over environments (docs/scaling.md).
 
     Samples of a rollout lie in one tensor, which is shuffled once per epoch. Statistics are those
     of the last minibatch.

@@ -142,7 +142,7 @@ def _score(options: argparse.Namespace) -> int:
     a class with reset and act, a model of Stable-Baselines3 or a module of PyTorch. It runs in this
     process: score only code that you trust. An ONNX file may come from anywhere: it runs in a
     process of its own, which can read and write no file and has limited time and memory
-    (docs/security.md). Its weights must be inside.
+    (docs/soundness.md). Its weights must be inside.
 
     python -m turning_env score my_agent.onnx
     python -m turning_env score my_agent.onnx --split validation

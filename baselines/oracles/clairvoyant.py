@@ -1,7 +1,7 @@
 """The clairvoyant bound: the greatest return if all bars are known in advance and nothing lags.
 
 It is the return of one edge or job, computed by dynamic programming over cells of the bars and used
-shares D of the edge's life (docs/bounds.md). V is 0 when the edge is worn out or the job is done.
+shares D of the edge's life (docs/results.md). V is 0 when the edge is worn out or the job is done.
 The transition's own functions give the seed's fields in the middle of each cell. Wear and loads are
 those at the cell's start, where the edge is sharpest. All relaxations raise the bound, so no policy
 earns more, except for the error of the grids (``TOLERANCE``) and a lag of the chip, which delays

@@ -1,4 +1,4 @@
-"""The causal oracle: the optimiser with foresight, with the true present state (docs/bounds.md).
+"""The causal oracle: the optimiser with foresight, with the true present state (docs/results.md).
 
 Its filter gets the true depth of cut, hardness and wear at the tool after every step. It does not
 know depth and hardness ahead of the tool, nor the next bar. It is not ranked as a policy, because

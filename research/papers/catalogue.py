@@ -82,7 +82,7 @@ class Paper:
     title: str
     compare: Callable[[], Iterator[Check]]
     tables: Callable[[], Iterator[str]] = lambda: iter(())  # lines printed before the checks
-    page: str = ""  # name of its page in docs/papers, without suffix
+    page: str = ""  # name of its section in docs/papers.md, with underscores
 
     def checks(self) -> list[Check]:
         """Return all checks; those of ``by_construction.csv`` say from what they follow."""

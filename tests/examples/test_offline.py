@@ -81,7 +81,7 @@ def test_minari_recovers_the_environment_and_episodes_play_again(
 
 @pytest.mark.slow
 def test_the_metadata_name_the_files_by_their_digests(folder: Path) -> None:
-    # ``mlcroissant validate`` checks the form (docs/publishing.md).
+    # ``mlcroissant validate`` checks the form (CONTRIBUTING.md).
     home = folder / NAME
     files = json.loads((home / "croissant.json").read_text("utf-8"))["distribution"]
     urls = {file["contentUrl"] for file in files}

@@ -1,6 +1,6 @@
 """Failures of the edge beside too large a force: plastic collapse, chipping and notch wear.
 
-They count as breakage. ``docs/effects.md`` has equations and sources.
+They count as breakage. ``docs/models.md`` has equations and sources.
 """
 
 from turning_env.numerics.compilation import compiled

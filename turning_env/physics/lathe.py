@@ -7,7 +7,7 @@ sub-steps of length 0. Separate loops handle rare events, such as the start of a
 an edge, in the environments where they occur.
 
 Phases are functions that are compiled into their callers, so their names cost no time. Each
-phenomenon has its equations in a file of its own. Integration: ``docs/models_lathe.md``.
+phenomenon has its equations in a file of its own. Integration: ``docs/models.md``.
 """
 
 import math

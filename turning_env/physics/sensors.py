@@ -1,7 +1,7 @@
 """Sensors of power, and of thrust force or servo current, each with a first-order lag and noise.
 
 As the machine warms up, their readings drift, and thermal growth changes the depth of cut
-(``docs/models_lathe.md``, ``docs/effects.md``).
+(``docs/models.md``).
 """
 
 from turning_env.numerics.compilation import compiled, env_range

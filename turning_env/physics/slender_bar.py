@@ -1,4 +1,4 @@
-"""Slender bars bend away from the tool and chatter (``docs/effects.md``).
+"""Slender bars bend away from the tool and chatter (``docs/models.md``).
 
 The cut is shallower than commanded by the deflection. Force and deflection depend on each other:
 the force is taken as proportional to the depth, with the ratio of the sub-step before.

@@ -4,7 +4,7 @@ At the speed n, the share c(n) = min(1, n / n_b) of the rated power P_r is avail
 speed n_b. The limit of power falls with c. The heat h of the motor follows
 tau dh/dt = (P / (c P_r))^2 - h; until h reaches 1, the limit is ``short_time_load`` times as high.
 What exceeds the limit counts as overload; the speed does not drop (assumption). Sources:
-``docs/models_lathe.md``.
+``docs/models.md``.
 """
 
 from typing import Any

@@ -3,7 +3,7 @@
 The next stop comes when the integral of the rate over the cutting time outside the window of feed
 and depth exceeds a margin. The margin is an exponential number with mean 1, drawn again after every
 stop, so stops are a Poisson process. The makers' windows have this form; the numbers are
-assumptions (``docs/effects.md``).
+assumptions (``docs/models.md``).
 """
 
 from turning_env.numerics.compilation import compiled

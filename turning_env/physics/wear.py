@@ -1,6 +1,6 @@
 """Used life and wear of the edge.
 
-``docs/models.md`` has the two rules, ``docs/effects.md`` phases of wear and built-up edges.
+``docs/models.md`` has the two rules, phases of wear and built-up edges.
 
 A fresh edge at constant parameters wears as W = K t^n (Alaskari and Oraby 2018), where K comes from
 the wear law and n is its exponent of time. The state is the used share of the edge's life,
@@ -53,7 +53,7 @@ def with_phases(p, i, before, after, log_cutting_speed):
     """Return the used life [-] after a short cut, with phases of wear and built-up edge.
 
     Without these, the cut would take it from ``before`` to ``after``. Forms and numbers are
-    assumptions (``docs/effects.md``).
+    assumptions (``docs/models.md``).
     """
     wear = exp(log_wear(p, i, before))
     # Tertiary wear: beyond its limit, the rate grows exponentially with the wear.

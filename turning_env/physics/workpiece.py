@@ -8,7 +8,7 @@ still just scraped).
 
 A tool path of several diameters is a bar of sections with lengths, depths (0 in air) and highest
 cutting speeds of their own. A pass of several cuts what stands between its floor and its ceiling.
-Sources: ``docs/models_lathe.md``.
+Sources: ``docs/models.md``.
 """
 
 import numpy as np
@@ -160,7 +160,7 @@ def set_depth_of_cut(state, work, i):
 def add_gradient(state, work, i, p):
     """Harden the mean of a deeper cut: log H + 0.5 h (depth / nominal depth - 1).
 
-    Bars cool from outside; the form is an assumption (``docs/effects.md``).
+    Bars cool from outside; the form is an assumption (``docs/models.md``).
     """
     nominal = work.nominal_depth[i]
     deeper = state.depth_of_cut[i] / nominal - 1.0 if nominal > 0.0 else 0.0

@@ -9,7 +9,7 @@ Three measures follow one another, and each holds without the others:
 * **seccomp** (Linux 3.17): every system call that is not on a short list fails with EPERM, whatever
   the process has become.
 
-Nothing gives a right back. ``docs/security.md`` says what remains where a measure is missing. The
+Nothing gives a right back. ``docs/soundness.md`` says what remains where a measure is missing. The
 file is imported by the process that it confines, and imports nothing of the package. No maintained
 library has all three: that for Landlock has neither connections nor signals, and that for seccomp
 needs a shared library of the system.

@@ -223,7 +223,7 @@ def _warn_of_missing(missing: tuple[str, ...]) -> None:
     print(
         "notice: networks run with less protection on this system: "
         f"{', '.join(active) or 'nothing'} active, {', '.join(missing)} missing or in part "
-        "(docs/security.md says what remains)",
+        "(docs/soundness.md says what remains)",
         file=sys.stderr,
     )
 

@@ -54,7 +54,7 @@ HEAD = """# Figures of the papers
 are values that a paper prints or states.
 
 The copies of the papers used lack their figures. Captions, tables and text say what each figure showed. The lines below each
-figure count these numbers and claims by [verdict](../papers/index.md). `python -m research.papers.reproduce` lists every comparison.
+figure count these numbers and claims by [verdict](../papers.md). `python -m research.papers.reproduce` lists every comparison.
 """  # noqa: E501, the page's text, wrapped as in docs
 
 

@@ -32,7 +32,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--markdown",
         action="store_true",
-        help="print a table of every equation, table, figure and claim, as in docs/papers/index.md",
+        help="print a table of every equation, table, figure and claim, "
+        "as in research/papers/items.md",
     )
     options = parser.parse_args(arguments)
     form = markdown if options.markdown else text
@@ -86,7 +87,8 @@ def markdown(results: Results) -> Iterator[str]:
     for paper, checks in results:
         verdicts = [check.verdict for check in checks]
         counts = " | ".join(str(verdicts.count(verdict)) for verdict in PASSED)
-        title = f"[{paper.title}]({paper.page}.md)"
+        anchor = paper.page.replace("_", "-")
+        title = f"[{paper.title}](#{anchor})"
         yield f"| {title} | {unheld(paper, checks)} of {len(paper.items)} | {counts} |"
 
     for paper, checks in results:
@@ -99,7 +101,7 @@ def markdown(results: Results) -> Iterator[str]:
             files = ", ".join(f"`{path}`" for path in paths)
             drawn = ""
             if item.figure:
-                drawn = f"[Drawn anew](../figures/README.md#{item.figure})."
+                drawn = f"[Drawn anew](../../docs/figures/README.md#{item.figure})."
             remarks = (drawn, item.agreement(checks), item.remark)
             agreement = " ".join(remark for remark in remarks if remark)
             yield f"| {item.name} | {files} | {agreement} |"

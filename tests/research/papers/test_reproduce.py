@@ -30,9 +30,12 @@ ROOT = Path(__file__).parents[3]
 
 def check_pages(paper: Paper, checks: list[Check]) -> None:
     """Assert that the pages of the site state what the checks say."""
-    index = (ROOT / "docs" / "papers" / "index.md").read_text("utf-8").splitlines()
-    missing = [line for line in markdown([(paper, checks)]) if line not in index]
-    assert missing == []
+    items = (ROOT / "research" / "papers" / "items.md").read_text("utf-8").splitlines()
+    printed = list(markdown([(paper, checks)]))
+    assert [line for line in printed if line not in items] == []
+    summary = printed[: printed.index("")]
+    page = (ROOT / "docs" / "papers.md").read_text("utf-8").splitlines()
+    assert [line for line in summary if line not in page] == []
 
     figures = (ROOT / "docs" / "figures" / "README.md").read_text("utf-8")
     for item in paper.items:
