@@ -55,6 +55,7 @@ def pages() -> dict[str, str]:
     """Return the text of all generated pages by path."""
     return {
         "index.md": _from_root("README.md") + _citation(),
+        "shop/index.md": _shop(),
         "contributing.md": _from_root("CONTRIBUTING.md"),
         "environment.md": _tasks(),
         "scenario.md": "\n".join(_scenario()),
@@ -84,11 +85,19 @@ def _from_root(name: str) -> str:
     text = (ROOT / name).read_text("utf-8")
     text = re.sub(r"\]\((?:docs/|(shop/)docs/)([^)]*)\)", r"](\1\2)", text)
     text = text.replace("](CONTRIBUTING.md)", "](contributing.md)")
+    text = text.replace("](shop/README.md)", "](shop/index.md)")
     text = text.replace("](CITATION.cff)", "](#how-to-cite)")
     text = text.replace("](README.md)", "](index.md)")
     # Of a link that leads to no page, anchor or other site, only the text stays.
     outside = r"(?<!!)\[([^\]]*)\]\((?![a-z_/]*\.md|https?:|#|tutorials/)[^)]*\)"
     return re.sub(outside, r"\1", text)
+
+
+def _shop() -> str:
+    """Return the shop's README with links relative to the folder shop/ of the site."""
+    text = (ROOT / "shop" / "README.md").read_text("utf-8")
+    text = text.replace("](docs/", "](")
+    return text.replace("](../README.md)", "](../index.md)")
 
 
 def _specification(env_id: str, level: int = 1) -> str:
@@ -167,8 +176,9 @@ def _fields_table(
         docstring = source[name].docstring
         # A docstring describes a field that is no quantity.
         if not meaning and docstring:
-            meaning = " ".join(docstring.value.split())
-        shown = html.escape(meaning, quote=False)
+            meaning = docstring.value
+        # A row of a table is one line.
+        shown = html.escape(" ".join(meaning.split()), quote=False)
         yield f"| `{name}` | {_shown(default)} | {_allowed(field)} | {shown} |"
 
 
