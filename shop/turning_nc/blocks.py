@@ -15,11 +15,15 @@ from turning_nc.words import BlockError, Line, Word
 # Words that say how a block moves, beside its coordinates.
 PARAMETERS = frozenset("IKRPQDLA") | {"CR", "ANG", ",A", ",C", ",R", "CHR", "CHF", "RND"}
 
-# Of these, words that have a meaning in some blocks only.
+# Addresses that stand once in a block.
+ONCE = frozenset("XZUWIKRFST")
+
+# Of the parameters, words that have a meaning in some blocks only.
 SOMETIMES = frozenset("IKRPQDLA") | {"CR"}
 
 # Axes of mill-turn machines; at 0 they do not change how a tool turns.
 NULL_AXES = frozenset("YVCBA")
+MACHINE_AXES = frozenset({"X1", "Z1", "Y1", "C1"})
 NULL_NOTE = "words of Y, V, C, B or A that are 0 have no effect in turning"
 
 
@@ -32,6 +36,28 @@ def _kept(line: Line, keeps: Callable[[Word], bool]) -> Line:
 # Words of the dialect.
 
 
+def single_words(control: Control, line: Line) -> Line:
+    """Return the line without words of addresses that may stand once, but stand again.
+
+    Controls differ in which of them they take, if they do not stop. The time of a dwell may be a
+    second S or F.
+    """
+    if 4 in line.codes:
+        return line
+    known: set[str] = set()
+
+    def is_first(word: Word) -> bool:
+        if word.address not in ONCE or word.value is None:
+            return True
+        if word.address in known:
+            control.refuse(f"{word.address}{word.text} is the second {word.address} of its block")
+            return False
+        known.add(word.address)
+        return True
+
+    return _kept(line, is_first)
+
+
 def known_words(control: Control, line: Line) -> Line:
     """Return the line without labels, null words, and words that the dialect does not have."""
     foreign = _foreign_functions(control, line)
@@ -42,6 +68,8 @@ def known_words(control: Control, line: Line) -> Line:
             return False
         if _is_null(control, word):
             control.note(NULL_NOTE)
+            return False
+        if _is_machine_axis(control, word, line):
             return False
         reason = _why_unknown(control, word, line)
         if reason:
@@ -62,6 +90,16 @@ def _is_null(control: Control, word: Word) -> bool:
     """Return whether a word is 0 and of an axis that turning does not use, such as Y0 or C0."""
     is_axis = word.address in NULL_AXES and word.address not in control.dialect.addresses
     return is_axis and word.value == 0.0
+
+
+def _is_machine_axis(control: Control, word: Word, line: Line) -> bool:
+    """Return whether a word only names an axis that goes to its reference point, such as X1=0.
+
+    SINUMERIK writes machine axes so. Both axes go there, whichever the block names (assumption).
+    """
+    if control.fanuc or not line.codes & control.dialect.references:
+        return False
+    return word.address in MACHINE_AXES
 
 
 def _foreign_functions(control: Control, line: Line) -> set[float]:
@@ -187,6 +225,9 @@ def _addresses_used_by_fanuc(
     elif motion in (90, 92, 94):
         # Boxes replace the motion in force: R is their taper.
         used = {"R"}
+        # Q of G92 is the angle at which one of several threads begins.
+        if motion == 92:
+            used.add("Q")
     # A is the angle of a thread, or of a move with one coordinate.
     coordinates = [word for word in line.words if word.address in COORDINATES]
     if cycle == 76 or len(coordinates) == 1:

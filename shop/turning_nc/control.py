@@ -82,11 +82,13 @@ class Control(Modal, ABC):
     rounding: float = 0.0  # radius of all corners between moves at feed, RNDM [mm]
     compensation: int = 0
     finishes: int = 0
+    is_drilling: bool = False  # whether a drilling cycle of Fanuc holds
     cycle: CycleState = field(default_factory=CycleState)
     cycle_pass: int = 0
     calls: int = 0  # depth of calls
     block_count: BlockCount = field(default_factory=BlockCount)
     places_of_parts: dict[str, Places] = field(default_factory=dict)
+    parts_run: set[str] = field(default_factory=set)  # that were begun
 
     @abstractmethod
     def run_lines(self, part: str, start: int = 0, end: int | None = None) -> None:

@@ -88,6 +88,11 @@ def _run_with_contour(control: Control, block: Block, code: int) -> int:
     """Run the block of G70, G71, G72 or G73 that names a contour."""
     line = block.line
     lines = _contour_lines(control, block, code)
+    if code != 70 and lines.first > block.index + 1:
+        control.note(
+            f"the blocks between G{code} and its contour are not run: as on a control, the program "
+            "goes on behind the contour"
+        )
     if code == 70:
         _finish(control, line, lines)
         return max(block.index + 1, lines.end)
@@ -323,9 +328,12 @@ def _drill(control: Control, line: Line, code: int) -> None:
     path = Path(start, Point(control.target(line).z, start.x))
     # G84 taps: F is the lead of its thread.
     is_thread = code == 84
-    with _feed_of(control, is_thread):
+    # A tap that is fed per minute turns as often as the spindle meanwhile.
+    is_lead = is_thread and control.per_revolution
+    with _feed_of(control, is_lead):
         control.add(path, "thread" if is_thread else "feed")
     control.go_rapidly(start)
+    control.is_drilling = True
 
 
 def _feed_of(control: Control, is_thread: bool) -> contextlib.AbstractContextManager[None]:

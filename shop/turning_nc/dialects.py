@@ -24,6 +24,9 @@ _TERM = rf"(?:R\d+|{NUMBER}|(?:[A-Z]+\s*)?\((?:[^()]|\([^()]*\))*\))"
 
 _CODES_OF_BOTH = {0, 1, 2, 3, 4, 33, 41, 42, 53, 90, 91, 94, 95, 96, 97}
 
+ZERO_OFFSETS = frozenset({*range(54, 60), *range(505, 600)})
+"""G functions that set a zero offset, of Fanuc and of SINUMERIK."""
+
 CornerKind = Literal["legs", "chord", "radius"]
 """Meaning of a broken corner's size: the chamfer's legs, the chamfer itself, or a radius."""
 
@@ -116,7 +119,8 @@ FANUC = Dialect(
     names=frozenset(),
     codes=_codes(
         _CODES_OF_BOTH,
-        {7, 8, 20, 21, 28, 30, 32, 50, 80, 92, 98, 99},
+        # In LinuxCNC, centres of arcs count from the start (G91.1), as they do here.
+        {7, 8, 20, 21, 28, 30, 32, 50, 80, 91.1, 92, 98, 99},
         _FANUC_CYCLES,
         # Exact stop, plane, zero offsets and other functions without effect on the path.
         {9, 18, 22, 23, 25, 26, 40, 43, 49, 61, 64, 67, 69, 103, 187},
@@ -276,6 +280,9 @@ _SIGNS_OF_SINUMERIK = re.compile(
 )
 _COMMENT = re.compile(r"\([^()\n]*\)|;.*")
 
+# A comment, which may hold signs; or, in the group, a call or a function of SINUMERIK.
+_REMARK = re.compile(r"(\b[A-Z_]{2,}\d*[ \t]*\([^()\n]*\))|\([^()\n]*\)|;(?!\$PATH).*")
+
 
 MAX_SIGN = 40  # longest part of a word that a message shows
 
@@ -418,7 +425,8 @@ def foreign_sign(text: str) -> Sign | None:
 def dialect_of(text: str) -> Dialect:
     """Return the dialect that a program's words show; Fanuc's system A if none does."""
     code = with_line_feeds(text).upper()
-    if _SIGNS_OF_SINUMERIK.search(code):
+    remarks_left_out = _REMARK.sub(lambda remark: remark[1] or "", code)
+    if _SIGNS_OF_SINUMERIK.search(remarks_left_out):
         return SINUMERIK
     return _system_of(_COMMENT.sub("", code))
 

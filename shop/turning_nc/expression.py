@@ -63,13 +63,18 @@ def _tangent(degrees: float) -> float:
     return math.tan(math.radians(degrees))
 
 
+def _nearest(value: float) -> float:
+    """Return the nearest whole number; halves go away from 0, as on controls."""
+    return math.copysign(math.floor(abs(value) + 0.5), value)
+
+
 _FUNCTIONS = {
     "ABS": abs,
     "SQRT": math.sqrt,
     "FIX": math.trunc,
     "TRUNC": math.trunc,
     "FUP": math.ceil,
-    "ROUND": round,
+    "ROUND": _nearest,
     "SIN": _sine,
     "COS": _cosine,
     "TAN": _tangent,

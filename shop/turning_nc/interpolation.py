@@ -41,6 +41,11 @@ def move(control: Control, line: Line, codes: set[float]) -> None:
         if line.first(*control.dialect.corners):
             raise BlockError("a chamfer or a radius needs a move to its corner in the same block")
         return
+    if control.is_drilling:
+        raise BlockError(
+            "the drilling cycle before it holds, and would drill here again, which is not "
+            "understood: write the cycle again, or G80"
+        )
     if 53 in codes or line.first("SUPA"):
         control.go_home("machine coordinates", line)
         return

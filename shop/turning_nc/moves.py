@@ -16,14 +16,15 @@ from turning_nc.blocks import (
     dwell_word,
     known_words,
     meaningful_words,
+    single_words,
     with_one_motion,
 )
 from turning_nc.control import MAX_BLOCKS, Control, Kind, Move
 from turning_nc.cycles import Side
 from turning_nc.cycles_fanuc import Block, end_of_contour, run_box, run_cycle
 from turning_nc.cycles_operate import CYCLES, run_cycle_of_sinumerik
-from turning_nc.dialects import DIAMETERS
-from turning_nc.interpolation import move
+from turning_nc.dialects import DIAMETERS, ZERO_OFFSETS
+from turning_nc.interpolation import MOTIONS, move
 from turning_nc.law import Law
 from turning_nc.modal import COORDINATES
 from turning_nc.paths import Path
@@ -41,6 +42,7 @@ from turning_nc.words import (
 
 __all__ = ["Kind", "Move", "Moves", "Reading", "run"]
 
+END_OF_DRILLING = 80  # G function of Fanuc
 MAX_NAMED = 20  # largest number of lines that an error names
 MAX_TIMES = 9999  # how often a sub-program is called at most; P and L of controls have four digits
 
@@ -106,6 +108,7 @@ def run(program: PartProgram, reading: Reading = Reading()) -> Moves:
     with contextlib.suppress(ProgramEnd):
         control.run_lines(program.main)
     control.end_corner()
+    _note_parts_not_run(control)
     _check(control, reading)
     return Moves(
         program,
@@ -118,6 +121,15 @@ def run(program: PartProgram, reading: Reading = Reading()) -> Moves:
         sides=control.sides,
         large_numbers=control.large_numbers,
     )
+
+
+def _note_parts_not_run(control: Control) -> None:
+    """Note the parts of the file that nothing calls."""
+    for name, lines in control.program.parts.items():
+        if name not in control.parts_run:
+            shown = f"O{name}" if control.fanuc else name
+            control.line = lines[0]
+            control.note(f"{shown} begins here, but is not called: its blocks are not run")
 
 
 def _check(control: Control, reading: Reading) -> None:
@@ -173,6 +185,7 @@ class ProgramControl(Control):
             NcError: more than ``MAX_BLOCKS`` blocks are run.
         """
         lines = self.program.parts[part]
+        self.parts_run.add(part)
         index = start
         while index < (len(lines) if end is None else end):
             line = lines[index]
@@ -238,11 +251,13 @@ class ProgramControl(Control):
         return target
 
     def _place_of(self, target: str, places: Places, within: range) -> int | None:
-        """Return the first of some lines with a label, or on a Fanuc with the number of a block."""
+        """Return the first of some lines with a label or the number of a block."""
         label = places.label(target, within)
-        if not self.fanuc:
+        # SINUMERIK writes a jump to a block with its N, Fanuc without it.
+        digits = target if self.fanuc else target.removeprefix("N")
+        if not (self.fanuc or target.startswith("N")) or not digits.isdigit():
             return label
-        number = places.block(float(target), within)
+        number = places.block(float(digits), within)
         if label is None or number is None:
             return number if label is None else label
         return min(label, number)
@@ -265,7 +280,8 @@ class ProgramControl(Control):
             return block.index + 1
         # G28 V0 alone moves an axis that does not turn, but G28 alone moves X and Z.
         other_axes = line.first(*NULL_AXES, "H") and not line.first(*COORDINATES)
-        line = with_one_motion(self, known_words(self, line))
+        line = known_words(self, single_words(self, line))
+        line = with_one_motion(self, line)
         codes = line.codes
         box = None
         with self.naming_problems():
@@ -315,12 +331,15 @@ class ProgramControl(Control):
     def _set_modes(self, line: Line, codes: set[float]) -> None:
         """Set the modes that a block states.
 
-        They are units, coordinates, kind of feed, diameters and compensation.
+        They are units, coordinates, kind of feed, diameters, zero offsets and compensation.
         """
         self.set_units_and_modes(codes)
+        self._note_zero_offsets(codes)
         for word in line.words:
             if word.address in DIAMETERS:
                 self.diameter = word.address
+        if codes & (MOTIONS | {END_OF_DRILLING}):
+            self.is_drilling = False
         if 40 in codes:
             self.compensation = 0
         for side in codes & {41, 42}:
@@ -329,6 +348,16 @@ class ProgramControl(Control):
                 "the tool's tip follows the contour, "
                 "as with a nose radius that the control compensates"
             )
+
+    def _note_zero_offsets(self, codes: set[float]) -> None:
+        """Note that a program changes its zero offset after a move."""
+        for code in codes & ZERO_OFFSETS:
+            if self.zero_offset not in (None, code) and self.has_moved:
+                self.note(
+                    f"G{code:g} after G{self.zero_offset:g}: zero offsets are not in the "
+                    "program, so one zero point is taken for all (assumption)"
+                )
+            self.zero_offset = code
 
     def _set_values(self, line: Line, codes: set[float]) -> Line:
         """Set feed, speed and tool, and dwell; return the line without its dwell."""

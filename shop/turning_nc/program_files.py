@@ -41,7 +41,7 @@ def read_program(path: Path, dialect: Dialect | None = None) -> PartProgram:
     while True:
         found = _first_missing(program, path)
         if found is None:
-            return replace(program, notes=tuple(notes))
+            return replace(program, notes=(*notes, *program.notes))
         name, file = found
         if len(notes) >= MAX_FILES:
             raise NcError(f"{path}: calls parts of more than {MAX_FILES} files")

@@ -37,6 +37,9 @@ _MARK = re.compile("^(?:\u00ef\u00bb\u00bf|\ufeff)")
 _SKIP = re.compile(r"\s*(?:/(?:[1-9](?=\s*\D))?\s*)*")
 _BLOCK_NUMBER_OF_PROC = re.compile(r"^/?\s*N\d+\s+(?=PROC\b)")
 
+# A block and a sign ; and another: on a Fanuc it ends a block, in LinuxCNC a comment follows.
+_BLOCK_BEHIND = re.compile(r"[^\s;(][^;(]*;\s*(?:N\s*\d+\s*)?[GXZUW]\s*[-+]?\.?\d")
+
 # Signs that belong to the word before them if no blank parts them.
 _NUMBER_GOES_ON = ",.=#[*+-"
 
@@ -234,7 +237,7 @@ class PartProgram:
     text: str
     dialect: Dialect
     parts: dict[str, tuple[Line, ...]]
-    notes: tuple[str, ...] = ()  # on its files
+    notes: tuple[str, ...] = ()  # on its files and comments
 
     @property
     def main(self) -> str:
@@ -297,7 +300,23 @@ def divide(text: str, dialect: Dialect | None = None) -> PartProgram:
     filled = {name: tuple(lines) for name, lines in parts.items() if lines}
     if not filled:
         raise NcError("holds no blocks: it is empty, or all of it is comment")
-    return PartProgram(text, dialect, parts=filled)
+    return PartProgram(text, dialect, parts=filled, notes=_notes_on_comments(raw, dialect))
+
+
+def _notes_on_comments(raw: Iterable[str], dialect: Dialect) -> tuple[str, ...]:
+    """Return a note on blocks behind the sign ; in a line, which are left out."""
+    if not dialect.system:
+        return ()
+    numbers = []
+    for number, whole in enumerate(raw, 1):
+        if ";" in whole and _BLOCK_BEHIND.match(whole.strip().translate(_UPPER)):
+            numbers.append(number)
+    if not numbers:
+        return ()
+    return (
+        f"{at_lines(numbers)}: what follows ; is left out as a comment, but looks like a block: "
+        "write each block on a line of its own",
+    )
 
 
 def _check_control(text: str) -> None:

@@ -504,3 +504,98 @@ def test_system_b_has_absolute_and_incremental_coordinates() -> None:
     last = moves(text).moves[-1]
     assert last.per_revolution
     assert last.max_spindle_speed == 2000.0
+
+
+# What only looks like something else.
+
+
+@pytest.mark.parametrize("comment", ["(T1 D1 CR=0.8 - TAPER=0.)", "; LIMS=2000", "(NOSE R1=0.8)"])
+def test_signs_of_a_control_do_not_count_in_comments(comment: str) -> None:
+    assert moves(f"{comment}\n{BAR}{CUT}").program.dialect.name == "fanuc"
+
+
+def test_calls_and_strings_of_a_sinumerik_are_no_comments() -> None:
+    text = 'MSG("A; B (C)")\nG90 G95 G71 T1\nG97 S500 F0.2 M3\nG0 X20 Z0\nG1 Z-5\nM30'
+    assert moves(text).program.dialect.name == "sinumerik"
+
+
+@pytest.mark.parametrize(
+    ("number", "nearest"), [("2.5", 3.0), ("3.5", 4.0), ("-2.5", -3.0), ("2.4", 2.0)]
+)
+def test_halves_are_rounded_away_from_zero(number: str, nearest: float) -> None:
+    assert cuts(f"{BAR}#1=ROUND[{number}]\nG1 X50. Z#1 F0.2") == [(nearest, 50.0)]
+
+
+@pytest.mark.parametrize(
+    ("mode", "feed"), [("G98", "F500."), ("G99", "F1."), ("G98 G20", "F19.68504")]
+)
+def test_a_tap_is_fed_as_its_mode_says(mode: str, feed: str) -> None:
+    depth = "Z-0.7874" if "G20" in mode else "Z-20."
+    text = f"G21 T0303 {mode}\n" if "G20" not in mode else f"T0303 {mode}\n"
+    (tap,) = [
+        move
+        for move in moves(f"{text}G97 S500 M3\nG0 X0. Z0.\nG84 {depth} {feed}\nG80").moves
+        if move.kind == "thread"
+    ]
+    per_minute = tap.feed.value * (tap.speed.value if tap.per_revolution else 1.0)
+    assert per_minute == pytest.approx(500.0, rel=1e-4)
+
+
+def test_a_sinumerik_jumps_to_the_number_of_a_block() -> None:
+    text = (
+        "G90 G95 G71 DIAMON\nG97 S500 F0.2 M3\nG0 X60 Z0\nR1=50\nN100 G1 X=R1\nR1=R1-5\n"
+        "IF R1>=40 GOTOB N100\nM30"
+    )
+    assert [diameter for _, diameter in cuts(text)] == [50.0, 45.0, 40.0]
+
+
+@pytest.mark.parametrize("place", ["Z-35.", "X10.", "W-5."])
+def test_a_drilling_cycle_that_holds_is_no_rapid_move(place: str) -> None:
+    drill = f"{BAR}G0 X0.\nG83 Z-25. Q5000 F0.1\n"
+    with pytest.raises(NcError, match="line 6: the drilling cycle before it holds"):
+        moves(f"{drill}{place}\nG80")
+    assert moves(f"{drill}G80\nG0 X100.").moves[-1].path.end.x == 50.0
+
+
+@pytest.mark.parametrize("block", ["G1 X50. X40. F0.2", "G1 Z-5. F0.2 F0.1", "T0101 T0202"])
+def test_a_word_that_stands_twice_is_named(block: str) -> None:
+    with pytest.raises(NcError, match=r"line 4: .* is the second"):
+        moves(f"{BAR}{block}\n{CUT}")
+
+
+@pytest.mark.parametrize(
+    ("text", "note"),
+    [
+        pytest.param(f"{BAR}{CUT}O5\n{BAR}{CUT}", "O5 begins here, but is not called", id="part"),
+        pytest.param(f"{BAR}G1 X56. F0.2; Z-9.\n{CUT}", "looks like a block", id="semicolon"),
+        pytest.param(
+            f"G54\n{BAR}G1 X56. F0.2\nG55\nG0 Z5.\n", "G55 after G54: zero offsets", id="offset"
+        ),
+        pytest.param(
+            f"{BAR}G71 U2. R1.\nG71 P1 Q2 U0.4 W0.1 F0.2\nG0 X90.\nN1 G0 X30.\nG1 Z-20.\nN2 X60.",
+            "the blocks between G71 and its contour are not run",
+            id="contour",
+        ),
+    ],
+)
+def test_what_is_not_run_is_noted(text: str, note: str) -> None:
+    assert any(note in said for said in moves(text).notes)
+
+
+def test_one_offset_and_comments_behind_blocks_need_no_note() -> None:
+    made = moves(f"G55\n{BAR}G1 X56. F0.2 ; FINISH X\n; G1 Z-90.\n{CUT}")
+    assert not any("offset" in note or "block" in note for note in made.notes)
+
+
+def test_a_thread_of_several_starts_states_their_angle() -> None:
+    (thread,) = [
+        move for move in moves(f"{BAR}G92 X58. Z-25. F3. Q180000").moves if move.kind == "thread"
+    ]
+    assert thread.feed.value == 3.0
+
+
+def test_machine_axes_go_to_their_reference_points() -> None:
+    text = "G90 G95 G71 DIAMON\nG97 S500 F0.2 M3\nG0 X60 Z0\nG1 X50\nG75 X1=0 Z1=0\nM30"
+    assert moves(text).moves[-1].kind == "rapid"
+    with pytest.raises(NcError, match="X1= is not understood"):
+        moves(text.replace("G75", "G1"))
