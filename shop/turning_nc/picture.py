@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 from turning_nc.cutting import Play, Situation
+from turning_shop.units import METRIC, Unit, Units
 
 from turning_env.extras import needed
 
@@ -31,15 +32,23 @@ _ABOVE: dict[str, Any] = {
 """Place of a legend: above its panel."""
 
 
-def draw(situation: Situation, played: Play, title: str) -> Figure:
-    """Draw the stock and the passes above, and both loads over time below."""
+def draw(situation: Situation, played: Play, title: str, units: Units = METRIC) -> Figure:
+    """Draw the stock and the passes above, and both loads over time below.
+
+    Args:
+        situation: a program on its stock.
+        played: how it is run.
+        title: of the figure.
+        units: units of lengths; times and shares of loads have none to convert.
+    """
+    length = units.unit("mm")
     figure = Figure(figsize=(9.0, 7.4), layout="constrained")
     figure.suptitle(title, x=0.01, horizontalalignment="left", fontsize="medium")
     above, below = figure.subplots(2, 1, height_ratios=(3, 2))
-    _draw_metal(above, situation)
-    passes = _draw_passes(above, situation, played=played)
-    _draw_rapids(above, situation)
-    _frame_metal(above, situation)
+    _draw_metal(above, situation, unit=length)
+    passes = _draw_passes(above, situation, played=played, unit=length)
+    _draw_rapids(above, situation, unit=length)
+    _frame_metal(above, situation, unit=length)
     figure.colorbar(
         passes,
         ax=above,
@@ -52,20 +61,22 @@ def draw(situation: Situation, played: Play, title: str) -> Figure:
     return figure
 
 
-def _draw_metal(axes: Axes, situation: Situation) -> None:
-    """Draw the stock, and the part over it."""
+def _draw_metal(axes: Axes, situation: Situation, unit: Unit) -> None:
+    """Draw the stock, and the part over it; lengths are in a unit."""
     removal = situation.removal
     for polygon, colour in ((removal.stock, LIGHT), (removal.part, _PART)):
         for piece in shapely.get_parts(polygon):
-            axes.fill(*piece.exterior.xy, color=colour, linewidth=0)
+            z, x = unit.factor * np.array(piece.exterior.xy)
+            axes.fill(z, x, color=colour, linewidth=0)
             for hole in piece.interiors:
-                axes.fill(*hole.xy, color="white", linewidth=0)
+                z, x = unit.factor * np.array(hole.xy)
+                axes.fill(z, x, color="white", linewidth=0)
 
 
-def _draw_passes(axes: Axes, situation: Situation, played: Play) -> LineCollection:
+def _draw_passes(axes: Axes, situation: Situation, played: Play, unit: Unit) -> LineCollection:
     """Draw the moves at feed, coloured by load."""
     slices = situation.removal.slices
-    segments = np.stack((slices.start, slices.end), axis=1)[situation.fed]
+    segments = unit.factor * np.stack((slices.start, slices.end), axis=1)[situation.fed]
     passes = LineCollection(
         list(segments),
         array=100.0 * played.load[situation.fed],
@@ -77,24 +88,25 @@ def _draw_passes(axes: Axes, situation: Situation, played: Play) -> LineCollecti
     return passes
 
 
-def _draw_rapids(axes: Axes, situation: Situation) -> None:
+def _draw_rapids(axes: Axes, situation: Situation, unit: Unit) -> None:
     paths = [move.path for move in situation.moves.moves if move.kind == "rapid"]
-    segments = [(path.start, path.end) for path in paths]
+    segments = [unit.factor * np.array((path.start, path.end)) for path in paths]
     axes.add_collection(LineCollection(segments, colors=GREY, linewidths=0.4, linestyles=":"))
 
 
-def _frame_metal(axes: Axes, situation: Situation) -> None:
+def _frame_metal(axes: Axes, situation: Situation, unit: Unit) -> None:
     """Set the limits of the panel around the metal, its labels and its legend."""
     removal = situation.removal
-    low_z, low_x, high_z, high_x = shapely.total_bounds([removal.stock, removal.part])
+    bounds = shapely.total_bounds([removal.stock, removal.part])
+    low_z, low_x, high_z, high_x = unit.factor * bounds
     margin = 0.04 * (high_z - low_z)
     bottom = max(low_x - margin, 0.0) if low_x > 0 else 0.0
     axes.set(
         xlim=(low_z - margin, high_z + 3 * margin),
         ylim=(bottom, high_x + 2 * margin),
         aspect="equal",
-        xlabel="Z [mm]",
-        ylabel="X, radius [mm]",
+        xlabel=f"Z [{unit.name}]",
+        ylabel=f"X, radius [{unit.name}]",
     )
     handles = [
         Patch(color=LIGHT, label="stock"),

@@ -26,6 +26,7 @@ from turning_nc.report import summary
 from turning_nc.stock import guessed_stock, read_stock, volume
 from turning_nc.words import NcError, divide
 from turning_shop import WorkshopError
+from turning_shop.units import INCH
 
 from baselines.models.process import Process
 from baselines.two_limits import set_point
@@ -605,3 +606,22 @@ def test_the_cycles_of_the_slides_divide_the_measured_blank_and_cut_by_the_rule(
     motions = "".join(letters[move.kind] for move in made.moves)
     assert motions.count("FfFF") == 1 + passes + 2
     assert motions.count("FffF") == 2 + 3
+
+
+def test_the_figure_is_in_the_units_of_the_output() -> None:
+    pytest.importorskip("matplotlib")
+    from turning_nc.picture import draw
+
+    situation = situated(f"{BAR}G1 X56. F0.2\nZ-20.\nG0 X70.", "bar:60x40")
+    played = play(situation, 0.2)
+    metric = draw(situation, played, title="part").axes[0]
+    inch = draw(situation, played, title="part", units=INCH).axes[0]
+    assert inch.get_xlabel() == "Z [in]"
+    for name in ("get_xlim", "get_ylim"):
+        ends = np.array(getattr(inch, name)())
+        assert 25.4 * ends == pytest.approx(np.array(getattr(metric, name)()))
+    (passes, _), (inch_passes, _) = metric.collections, inch.collections
+    for metric_segment, segment in zip(
+        passes.get_segments(), inch_passes.get_segments(), strict=True
+    ):
+        assert 25.4 * segment == pytest.approx(metric_segment)
