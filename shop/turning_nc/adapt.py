@@ -27,6 +27,7 @@ with needed():
 
 LIFE_MARGIN = 0.998  # share of the allowed life that is planned for, as words are rounded
 MAX_REPLANS = 4  # as words are found that would hardly change
+MAX_PLANS = 1 + len(CHANGES) + 2 * MAX_REPLANS  # that are tried
 EXCESS_COST = 1e6  # of an overload or of edges beyond those allowed, over their excess [s]
 
 
@@ -63,7 +64,8 @@ def adapt(
         NcError: no F word per revolution and no S word of a constant cutting speed can change.
     """
     planner = _Planner(situation, wear, where=where, life=life, finishing_depth=finishing_depth)
-    plan = planner.without_small_changes(planner.best_plan())
+    with planner.progress:
+        plan = planner.without_small_changes(planner.best_plan())
     before = planner.before
     original = situation.moves.program
     text, changes = plan.search.words.written(plan.values, feed_before=plan.search.before.feed)
@@ -123,6 +125,11 @@ class _Planner:
         self.before = play(situation, self._latest_wear)
         self._words = AdaptableWords(situation, where, finishing_depth=finishing_depth)
 
+        # Few programs need all plans that may be tried, so that the bar may end early.
+        self.progress = tqdm(
+            desc="adapting", total=MAX_PLANS, unit="plan", leave=False, disable=None
+        )
+
     def best_plan(self) -> _Plan:
         """Return the best plan: with edges that are changed as before, or earlier."""
         latest = self._latest_wear.max()
@@ -130,7 +137,7 @@ class _Planner:
         if self._is_wear_given:
             return best
         earlier_changes = CHANGES[::-1] * self._situation.scenario.tool.wear_criterion
-        for wear in tqdm(earlier_changes, "adapting", unit="wear", leave=False, disable=None):
+        for wear in earlier_changes:
             if wear >= latest:
                 continue
             plan = self._plan(self._words, wear)
@@ -181,6 +188,7 @@ class _Planner:
                 allowed = _used_edges(before, is_tool)
                 excess += max(float(used - self._life * allowed), 0.0)
         time = float(played.time.sum())
+        self.progress.update()
         return _Plan(wear, time, excess=excess, search=search, values=values)
 
 
