@@ -17,7 +17,7 @@ from turning_nc.program_files import read_program
 from turning_nc.report import Row, Summary, changes, comparison, findings, rows, summary, table
 from turning_nc.words import NcError, PartProgram, naming
 from turning_shop import refuse_existing
-from turning_shop.allowed import limited_by_bar, limited_by_strength
+from turning_shop.allowed import limited_by_bending, limited_by_strength
 from turning_shop.prediction import Evidence
 from turning_shop.provenance import OF_PROGRAMS, load
 from turning_shop.units import SYSTEMS
@@ -149,7 +149,7 @@ def _play(options: argparse.Namespace, laws: _Laws) -> _Results:
         removed = removal.remove(run, polygon, tools)
     notes += removed.notes
     low_z, _, high_z, radius = polygon.bounds
-    scenario, bar_note = limited_by_bar(laws.scenario, 2.0 * radius, length=high_z - low_z)
+    scenario, bending_note = limited_by_bending(laws.scenario, 2.0 * radius, length=high_z - low_z)
     situation = cutting.Situation(
         scenario,
         _machine(options, scenario),
@@ -159,8 +159,9 @@ def _play(options: argparse.Namespace, laws: _Laws) -> _Results:
     )
     played = cutting.play(situation, options.wear or edges.change_wear(situation))
     notes += laws.notes
-    if bar_note:
-        notes.append(bar_note)
+    if bending_note:
+        notes.append(bending_note)
+    notes += _holder_notes(scenario, removed)
     notes += edges.beyond(situation, played)
     return _Results(
         program=program,
@@ -171,6 +172,22 @@ def _play(options: argparse.Namespace, laws: _Laws) -> _Results:
         totals=summary(situation, played),
         notes=notes,
     )
+
+
+def _holder_notes(scenario: Scenario, removed: removal.Removal) -> list[str]:
+    """Return notes on what is assumed of the tools' holders."""
+    if scenario.file is None:
+        return []
+    if scenario.tool.overhang:
+        many = len(removed.tools) > 1
+        return ["all tools are taken to have tool.overhang (assumption)"] if many else []
+    inside = [name for name, kind in removed.tools.items() if kind.endswith("inside")]
+    if not inside:
+        return []
+    return [
+        f"{', '.join(inside)}: boring bars are taken as rigid (assumption), "
+        "as your files do not state tool.overhang"
+    ]
 
 
 def _machine(options: argparse.Namespace, scenario: Scenario) -> cutting.Machine:
@@ -205,7 +222,8 @@ def _draw(options: argparse.Namespace, results: _Results) -> None:
     from turning_env.rendering import plot_style
 
     title = f"{options.program.name}, {results.situation.scenario.name}"
-    figure = picture.draw(results.situation, results.played, title=title)
+    units = SYSTEMS[options.units]
+    figure = picture.draw(results.situation, results.played, title=title, units=units)
     plot_style.save(figure, options.figure)
 
 

@@ -13,10 +13,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from turning_shop import Values, WorkshopError, aligned
 from turning_shop.allowed import (
-    MAX_DEFLECTION,
     NO_STRENGTH,
     Allowed,
     allowed_loads,
+    bending,
+    bending_fields,
     feed_range,
     needed_nose_radius,
     theoretical_roughness,
@@ -221,7 +222,7 @@ def advise(scenario: Scenario, evidence: Evidence) -> list[Advice]:
             f"no speed and feed keep {_loads_kept(scenario)} "
             f"with an edge worn to {tried.cuts.wear.min():g} mm: "
             f"reduce workpiece.depth_of_cut to about {_possible_depth(scenario, tried.cuts):.2g} mm"
-            f"{', or support the bar' if allowed_loads(scenario).by_deflection else ''}"
+            f"{_help_against_bending(scenario)}"
         )
     advice: list[Advice] = []
     for aim in AIMS:
@@ -321,6 +322,7 @@ _LOAD_LIMITS = (
     _Limit("limits", "thrust_force", "N", no_limit=NO_LIMIT["thrust_force"]),
     _Limit("tool", "edge_strength", "N", no_limit=NO_STRENGTH),
     _Limit("workpiece", "support", no_limit="rigid"),
+    _Limit("tool", "overhang", "mm", no_limit=0.0),
 )
 _RANGE_ENDS = (
     _Limit("spindle", "max_speed", "rev/min", widening=1.0 + WIDER),
@@ -381,9 +383,10 @@ def _lifted(scenario: Scenario, limit: _Limit) -> Scenario:
 def _shown_value(scenario: Scenario, limit: _Limit, cuts: Cuts) -> str:
     """Return the value of a limit for people."""
     value = getattr(getattr(scenario, limit.section), limit.name)
-    if limit.name == "support":
+    if limit.name in ("support", "overhang"):
         force = allowed_loads(scenario).thrust_force
-        return f"{value}, whose bar bends by {MAX_DEFLECTION:g} mm at {force:.0f} N"
+        stated = value if limit.name == "support" else f"{value:g} mm"
+        return f"{stated}: {bending(scenario)} at {force:.0f} N"
     if isinstance(value, FeedLimit):
         return f"{1000 * value.most:g} um"
     text = f"{value:g} {limit.unit}"
@@ -425,8 +428,21 @@ def _loads_kept(scenario: Scenario) -> str:
         loads.append(f"tool.edge_strength, {strength:g} N,")
     allowed = allowed_loads(scenario)
     if allowed.by_deflection:
-        loads.append(f"the {allowed.thrust_force:.0f} N that bend the bar, workpiece.support,")
+        fields = bending_fields(scenario)
+        loads.append(f"the {allowed.thrust_force:.0f} N at which {bending(scenario)}, {fields},")
     return " and ".join(loads)
+
+
+def _help_against_bending(scenario: Scenario) -> str:
+    """Return what else to do, for people, if bending of bar or tool binds; else nothing."""
+    if not allowed_loads(scenario).by_deflection:
+        return ""
+    ways = []
+    if scenario.workpiece.support != "rigid":
+        ways.append("support the bar")
+    if scenario.tool.overhang:
+        ways.append("shorten the overhang of the tool")
+    return ", or " + " or ".join(ways)
 
 
 def life_spread(scenario: Scenario) -> float:

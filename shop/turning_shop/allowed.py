@@ -6,8 +6,8 @@ chips can tangle. If a roughness is stated, they keep it.
 Loads are those of a bar of nominal depth and hardness. If the scenario says that bars vary, a load
 stays so far below its limit that such bars exceed it in no more than the allowed share of the time.
 If the scenario states the strength of edges, the thrust force stays so far below it that edges
-hardly ever break. If it states how the bar is held, the force bends the bar by no more than
-``MAX_DEFLECTION``.
+hardly ever break. If it states how the bar is held, or the overhang of the tool, the force bends
+both together by no more than ``MAX_DEFLECTION``.
 """
 
 import math
@@ -27,12 +27,19 @@ from turning_env.scenario.sections import FeedLimit
 FEED_PER_NOSE = 0.5
 """Highest feed over the nose radius [-] (assumption: a rule of thumb for roughing)."""
 MAX_DEFLECTION = 0.1
-"""Largest deflection of the bar at the tool [mm] (assumption for roughing)."""
+"""Largest deflection between bar and tool [mm] (assumption for roughing)."""
 SLENDER = {"chuck": 3.0, "tailstock": 8.0}
 """Length over diameter above which bars often chatter, by their support [-].
 
 Assumption: rules of thumb of the workshop.
 """
+SLENDER_HOLDER = 4.0
+"""Overhang over diameter above which holders of steel often chatter [-].
+
+Assumption: a rule of thumb of tool makers. Holders of cemented carbide reach 6.
+"""
+SLENDER_CARBIDE = 6.0
+CARBIDE_MODULUS = 400_000.0  # from which a shank counts as cemented carbide [N/mm2]
 NO_STRENGTH = 1e6
 """Edge strength [N] that counts as none stated: the largest that a scenario may have.
 
@@ -123,7 +130,7 @@ class Allowed(NamedTuple):
     power: float  # [kW], at and above the spindle's base speed
     overload_factors: dict[str, float]  # of limits that are on: the allowed load over the limit [-]
     by_strength: bool  # whether the thrust force is bound by the strength of edges
-    by_deflection: bool  # whether it is bound by the deflection of the bar
+    by_deflection: bool  # whether it is bound by the deflection of bar and tool
 
     def keeps(self, scenario: Scenario, cuts: Cuts) -> NDArray[np.bool_]:
         """Return which cuts keep the loads and the wear criterion."""
@@ -151,10 +158,11 @@ def allowed_loads(scenario: Scenario) -> Allowed:
         by_strength = bearable < force
         force = min(force, bearable)
     work = scenario.workpiece
-    bending = bending_force(scenario, diameter=work.diameter, length=work.bar_length)
-    by_deflection = bending < force
+    length = work.overhang or work.bar_length
+    at_deflection = bending_force(scenario, diameter=work.diameter, length=length)
+    by_deflection = at_deflection < force
     return Allowed(
-        thrust_force=min(force, bending),
+        thrust_force=min(force, at_deflection),
         power=loads.get("power", math.inf),
         overload_factors=factors,
         by_strength=by_strength and not by_deflection,
@@ -163,24 +171,83 @@ def allowed_loads(scenario: Scenario) -> Allowed:
 
 
 def bending_force(scenario: Scenario, diameter: float, length: float) -> float:
-    """Return the thrust force that bends a bar by ``MAX_DEFLECTION`` [N]; infinite if it is rigid.
+    """Return the thrust force that bends bar and tool by ``MAX_DEFLECTION`` [N].
 
-    The bar is solid, with a diameter and a free length [mm]. Beam theory, as in
-    ``turning_env.physics.slender_bar``: the deflection per radial force is a^3 / (3 E I) at a
-    distance a to the chuck, with a tailstock times b^2 (3 a + 4 b) / (4 L^3), with b = L - a.
+    It is infinite if both are rigid. The bar is solid, with a diameter and a free length [mm].
+    Radial forces bend both as beams, one after the other, so that their compliances add.
+    """
+    work = scenario.workpiece
+    compliance = _bar_compliance(scenario, diameter, length) + _holder_compliance(scenario)
+    largest = compliance * work.radial_share
+    return MAX_DEFLECTION / largest if largest > 0.0 else math.inf
+
+
+def _bar_compliance(scenario: Scenario, diameter: float, length: float) -> float:
+    """Return the largest deflection over radial force along a bar [mm/N].
+
+    Beam theory, as in ``turning_env.physics.slender_bar``: it is a^3 / (3 E I) at a distance a to
+    the chuck, with a tailstock times b^2 (3 a + 4 b) / (4 L^3), with b = L - a.
     """
     work = scenario.workpiece
     if work.support == "rigid":
-        return math.inf
+        return 0.0
     from_chuck = np.linspace(0.0, 1.0, PLACES)  # over the length
-    compliance = from_chuck**3
+    relative = from_chuck**3
     if work.support == "tailstock":
         from_tail = 1.0 - from_chuck
-        compliance = compliance * from_tail**2 * (3.0 * from_chuck + 4.0 * from_tail) / 4.0
+        relative = relative * from_tail**2 * (3.0 * from_chuck + 4.0 * from_tail) / 4.0
+    flexibility = _cantilever_compliance(length, diameter, work.elastic_modulus)
+    return flexibility * float(relative.max())
+
+
+def _holder_compliance(scenario: Scenario) -> float:
+    """Return the deflection over radial force at the tip of the tool [mm/N]; 0 if it is rigid."""
+    tool = scenario.tool
+    if not tool.overhang:
+        return 0.0
+    return _cantilever_compliance(tool.overhang, tool.shank_diameter, tool.shank_modulus)
+
+
+def _cantilever_compliance(length: float, diameter: float, modulus: float) -> float:
+    """Return L^3 / (3 E I) [mm/N] of a round cantilever; lengths in mm, the modulus in N/mm2."""
     inertia = math.pi * diameter**4 / 64.0
-    flexibility = length**3 / (3.0 * work.elastic_modulus * inertia)
-    largest = flexibility * float(compliance.max()) * work.radial_share
-    return MAX_DEFLECTION / largest if largest > 0.0 else math.inf
+    return length**3 / (3.0 * modulus * inertia)
+
+
+def bending_parts(scenario: Scenario) -> str:
+    """Return what may bend, for people: bar, tool or both; empty if both are rigid."""
+    bar_bends = scenario.workpiece.support != "rigid"
+    if bar_bends and scenario.tool.overhang:
+        return "bar and tool"
+    if scenario.tool.overhang:
+        return "the tool"
+    return "the bar" if bar_bends else ""
+
+
+def bending(scenario: Scenario) -> str:
+    """Return what bends at ``bending_force``, and how far, for people."""
+    parts = bending_parts(scenario)
+    verb = "bend" if parts == "bar and tool" else "bends"
+    return f"{parts} {verb} by {MAX_DEFLECTION:g} mm"
+
+
+def bending_fields(scenario: Scenario) -> str:
+    """Return the fields that make bar or tool bend, with their values, for people."""
+    work = scenario.workpiece
+    tool = scenario.tool
+    fields = []
+    if work.support != "rigid":
+        fields.append(f"workpiece.support, {work.support}")
+    if tool.overhang:
+        fields.append(f"tool.overhang, {tool.overhang:g} mm of {tool.shank_diameter:g} mm diameter")
+    return "; ".join(fields)
+
+
+def without_bending(scenario: Scenario) -> Scenario:
+    """Return a scenario whose bar and tool do not bend."""
+    work = scenario.workpiece.model_copy(update={"support": "rigid"})
+    tool = scenario.tool.model_copy(update={"overhang": 0.0})
+    return scenario.model_copy(update={"workpiece": work, "tool": tool})
 
 
 def limited_by_strength(scenario: Scenario) -> tuple[Scenario, str]:
@@ -189,7 +256,8 @@ def limited_by_strength(scenario: Scenario) -> tuple[Scenario, str]:
     The scenario is unchanged and the note is empty if it is a preset, if no file states the
     strength of edges, or if the limit of the thrust force is lower.
     """
-    allowed = allowed_loads(scenario)
+    # A program has another bar, whose bending ``limited_by_bending`` adds.
+    allowed = allowed_loads(without_bending(scenario))
     if scenario.file is None or not allowed.by_strength:
         return scenario, ""
     limits = scenario.limits.model_copy(update={"thrust_force": allowed.thrust_force})
@@ -201,26 +269,28 @@ def limited_by_strength(scenario: Scenario) -> tuple[Scenario, str]:
     return scenario.model_copy(update={"limits": limits}), note
 
 
-def limited_by_bar(scenario: Scenario, diameter: float, length: float) -> tuple[Scenario, str]:
-    """Return a scenario that limits the thrust force by a bar's deflection, and a note on it.
+def limited_by_bending(scenario: Scenario, diameter: float, length: float) -> tuple[Scenario, str]:
+    """Return a scenario that limits the thrust force by bending of bar and tool, and a note on it.
 
     The scenario is unchanged and the note is empty if it is a preset, if no file states how the bar
-    is held, or if the limit of the thrust force is lower.
+    is held nor the overhang of the tool, or if the limit of the thrust force is lower.
 
     Args:
-        scenario: the machine and how it holds the bar.
+        scenario: the machine, how it holds the bar, and the tool.
         diameter: of the bar [mm].
-        length: free length of the bar [mm].
+        length: of the bar [mm], which is free from the chuck unless workpiece.overhang is stated.
     """
-    force = bending_force(scenario, diameter=diameter, length=length)
+    overhang = scenario.workpiece.overhang
+    force = bending_force(scenario, diameter=diameter, length=overhang or length)
     if scenario.file is None or force >= scenario.limits.thrust_force:
         return scenario, ""
     limits = scenario.limits.model_copy(update={"thrust_force": force})
-    note = (
-        f"the thrust force is limited to {force:.0f} N, which bends a bar of {diameter:g} mm "
-        f"diameter and {length:g} mm length by {MAX_DEFLECTION:g} mm: workpiece.support, "
-        f"{scenario.workpiece.support}"
-    )
+    note = f"the thrust force is limited to {force:.0f} N, at which {bending(scenario)}: "
+    note += bending_fields(scenario)
+    if scenario.workpiece.support != "rigid":
+        assumed = "" if overhang else ", its whole length (assumption: workpiece.overhang)"
+        note += f"; the bar has {diameter:g} mm diameter and is free over "
+        note += f"{overhang or length:g} mm{assumed}"
     return scenario.model_copy(update={"limits": limits}), note
 
 

@@ -371,13 +371,13 @@ def _warn_of_range(
 
 def _warn_of_breakage(scenario: Scenario, cuts: whatif.Cuts) -> None:
     """Print a warning if a thrust force is above the one that edges hardly ever break at."""
-    from turning_shop.allowed import MAX_DEFLECTION, allowed_loads
+    from turning_shop.allowed import allowed_loads, bending, bending_fields
 
     allowed = allowed_loads(scenario)
     if allowed.by_deflection and np.any(cuts.thrust_force > allowed.thrust_force):
         _warn(
-            f"the bar bends by more than {MAX_DEFLECTION:g} mm above a thrust of "
-            f"{allowed.thrust_force:.0f} N: workpiece.support, {scenario.workpiece.support}"
+            f"{bending(scenario)} or more at and above a thrust of "
+            f"{allowed.thrust_force:.0f} N: {bending_fields(scenario)}"
         )
     if allowed.by_strength and np.any(cuts.thrust_force > allowed.thrust_force):
         _warn(

@@ -18,11 +18,7 @@ from matplotlib.ticker import LogLocator, MaxNLocator
 from numpy.typing import NDArray
 from turning_shop import Values
 from turning_shop.advise import Advice, Plan, headline, summary
-from turning_shop.allowed import (
-    MAX_DEFLECTION,
-    allowed_loads,
-    feed_range,
-)
+from turning_shop.allowed import allowed_loads, bending, feed_range
 from turning_shop.callouts import ADVISED, HIGHEST, Callout, Mark, draw_marks, place
 from turning_shop.callouts import handles as mark_handles
 from turning_shop.fit import SETTINGS
@@ -476,7 +472,7 @@ def _draw_load_limits(
 
 
 def _draw_strength_limit(axes: Axes, cuts: Cuts, scenario: Scenario) -> list[Line2D]:
-    """Draw where edges may break or the bar bends too far, if stated; return its legend handle."""
+    """Draw where edges may break, or bar or tool bend too far; return its legend handle."""
     allowed = allowed_loads(scenario)
     if not (allowed.by_strength or allowed.by_deflection):
         return []
@@ -485,7 +481,7 @@ def _draw_strength_limit(axes: Axes, cuts: Cuts, scenario: Scenario) -> list[Lin
         return []
     label = f"edges may break above {allowed.thrust_force:.0f} N"
     if allowed.by_deflection:
-        label = f"the bar bends by {MAX_DEFLECTION:g} mm at {allowed.thrust_force:.0f} N"
+        label = f"{bending(scenario)} at {allowed.thrust_force:.0f} N"
     return [_limit_handle(label, VERMILLION, "-.")]
 
 

@@ -18,7 +18,15 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 from pydantic import BaseModel
-from turning_shop.allowed import NO_STRENGTH, SLENDER, with_roughness
+from turning_shop import WorkshopError
+from turning_shop.allowed import (
+    CARBIDE_MODULUS,
+    NO_STRENGTH,
+    SLENDER,
+    SLENDER_CARBIDE,
+    SLENDER_HOLDER,
+    with_roughness,
+)
 from turning_shop.catalogue import UNMEASURED
 from turning_shop.fit import FACTORS
 from turning_shop.prediction import Evidence, read_evidence
@@ -99,6 +107,7 @@ NEEDED_BY = {
     "workpiece.depth_along_spread": ("workpiece.depth_correlation_length",),
     "workpiece.hardness_along_spread": ("workpiece.hardness_correlation_length",),
     "workpiece.support": ("workpiece.elastic_modulus", "workpiece.radial_share"),
+    "tool.overhang": ("tool.shank_modulus", "workpiece.radial_share"),
     "machine.chatter": ("machine.chatter_speed", "machine.chatter_width"),
     "swarf.tangle_rate": (
         "swarf.tangle_time",
@@ -200,8 +209,11 @@ def for_advice(
     warnings += _law_warnings(scenario, evidence, stated, preset)
     warnings += _off_limits(scenario)
     if "workpiece.bar_length" in needed:
+        _check_overhang(scenario)
         warnings += _slender(scenario, stated)
+    warnings += _slender_holder(scenario)
     if is_simulated:
+        warnings += _left_to_advice(stated)
         warnings += _even(scenario, stated)
         if effects:
             names = ", ".join(effects)
@@ -365,9 +377,14 @@ def _off_limits(scenario: Scenario) -> Iterator[str]:
 
 
 def _slender(scenario: Scenario, stated: set[str]) -> Iterator[str]:
-    """Yield a warning if the bar is long for how it is held, or if no file states how."""
+    """Yield warnings if the bar is long for how it is held, or if no file states how or how far."""
     work = scenario.workpiece
-    ratio = work.bar_length / work.diameter
+    ratio = (work.overhang or work.bar_length) / work.diameter
+    if work.support != "rigid" and not work.overhang:
+        yield (
+            "your files do not state workpiece.overhang: the bar is taken as free over "
+            f"workpiece.bar_length, {work.bar_length:g} mm (assumption)"
+        )
     if "workpiece.support" not in stated:
         if ratio > SLENDER["chuck"]:
             yield (
@@ -378,6 +395,43 @@ def _slender(scenario: Scenario, stated: set[str]) -> Iterator[str]:
         yield (
             f"the bar is {ratio:.1f} diameters long, held by workpiece.support, {work.support}: "
             f"above {SLENDER[work.support]:g} diameters bars often chatter, as a rule of thumb"
+        )
+
+
+def _check_overhang(scenario: Scenario) -> None:
+    """Raise WorkshopError if the bar is cut along more than its free length."""
+    work = scenario.workpiece
+    if 0.0 < work.overhang < work.bar_length:
+        raise WorkshopError(
+            f"workpiece.overhang is {work.overhang:g} mm, but the bar is cut along "
+            f"workpiece.bar_length, {work.bar_length:g} mm: the free length from the chuck is at "
+            "least as long"
+        )
+
+
+def _slender_holder(scenario: Scenario) -> Iterator[str]:
+    """Yield a warning if the overhang of the tool is long for its diameter."""
+    tool = scenario.tool
+    if not tool.overhang:
+        return
+    is_carbide = tool.shank_modulus >= CARBIDE_MODULUS
+    highest = SLENDER_CARBIDE if is_carbide else SLENDER_HOLDER
+    ratio = tool.overhang / tool.shank_diameter
+    if ratio > highest:
+        material = "cemented carbide" if is_carbide else "steel"
+        yield (
+            f"tool.overhang is {ratio:.1f} diameters of its shank: above {highest:g}, holders of "
+            f"{material} often chatter, as a rule of thumb"
+        )
+
+
+def _left_to_advice(stated: set[str]) -> Iterator[str]:
+    """Yield a warning on stated overhangs, which the simulation does not know."""
+    names = [name for name in ("workpiece.overhang", "tool.overhang") if name in stated]
+    if names:
+        yield (
+            f"only the advice knows {', '.join(names)}: the simulation bends the bar over "
+            "workpiece.bar_length, and no tool"
         )
 
 

@@ -31,6 +31,7 @@ from turning_shop.advise import (
 from turning_shop.allowed import (
     FEED_PER_NOSE,
     MAX_DEFLECTION,
+    bending_parts,
     feed_ends,
     feed_range,
     with_roughness,
@@ -166,8 +167,8 @@ class Job(NamedTuple):
             f"feeds up to {FEED_PER_NOSE:g} of the nose radius, depths up to "
             f"{self.insert.shape.usable:.2g} of the edge's length (rules of thumb)"
         )
-        if self.scenario.workpiece.support != "rigid":
-            yield f"the thrust may bend the bar by {MAX_DEFLECTION:g} mm"
+        if bending_parts(self.scenario):
+            yield f"the thrust may bend {bending_parts(self.scenario)} by {MAX_DEFLECTION:g} mm"
         for warning in self.evidence.warnings:
             if UNMEASURED not in warning:
                 yield warning
@@ -321,16 +322,17 @@ def _speeds(question: Question, start: Start, machine: Scenario, stated: set[str
             f"less than the catalogue's lowest, {low:.0f} m/min",
         )
         low = UNREACHED * reached
-    lowest = machine.machine.cutting_speed_min
-    if "machine.cutting_speed_min" in stated and lowest > low:
-        if lowest >= reached:
-            raise WorkshopError(
-                f"machine.cutting_speed_min is {lowest:g} m/min, but {question.tool} "
-                f"{question.grade} cuts at up to {reached:.0f} m/min in this material"
-            )
-        low = lowest
-        ends.discard("machine.cutting_speed_min")
-    return _Span(low, high, catalogue_ends=frozenset(ends), assumptions=assumptions)
+    span = _Span(low, high, catalogue_ends=frozenset(ends), assumptions=assumptions)
+    if "machine.cutting_speed_min" not in stated:
+        return span
+    return _from_lowest(
+        span,
+        "machine.cutting_speed_min",
+        machine.machine.cutting_speed_min,
+        highest=reached,
+        unit="m/min",
+        reason=f"{question.tool} {question.grade} allows in this material",
+    )
 
 
 def _feeds(question: Question, insert: Insert, machine: Scenario, stated: set[str]) -> _Span:
@@ -353,16 +355,43 @@ def _feeds(question: Question, insert: Insert, machine: Scenario, stated: set[st
             "the roughness or the machine end them below the chip breaker's window, "
             "where chips may not break",
         )
-    lowest = machine.machine.feed_min
-    if "machine.feed_min" in stated and lowest > low:
-        if lowest >= highest:
-            raise WorkshopError(
-                f"machine.feed_min is {lowest:g} mm/rev, but {insert.name} takes up to "
-                f"{highest:.3g} mm/rev, by its nose radius or the roughness"
-            )
-        low = lowest
-        ends.discard("machine.feed_min")
-    return _Span(low, high, catalogue_ends=frozenset(ends), assumptions=assumptions)
+    span = _Span(low, high, catalogue_ends=frozenset(ends), assumptions=assumptions)
+    if "machine.feed_min" not in stated:
+        return span
+    return _from_lowest(
+        span,
+        "machine.feed_min",
+        machine.machine.feed_min,
+        highest=highest,
+        unit="mm/rev",
+        reason=f"{insert.name} allows, by its nose radius or the roughness",
+    )
+
+
+def _from_lowest(
+    span: _Span, field: str, lowest: float, *, highest: float, unit: str, reason: str
+) -> _Span:
+    """Return a span that does not begin below the machine's lowest value.
+
+    Args:
+        span: of the catalogue, up to what the machine reaches.
+        field: of the scenario, which states the lowest value.
+        lowest: value of the field.
+        highest: value that is possible.
+        unit: of all values.
+        reason: why none above ``highest`` is possible, for people.
+
+    Raises:
+        WorkshopError: The lowest value is not below the highest.
+    """
+    if lowest <= span.low:
+        return span
+    if lowest >= highest:
+        raise WorkshopError(
+            f"{field} is {lowest:g} {unit}, but must be below the {highest:.4g} {unit} that "
+            f"{reason}"
+        )
+    return span._replace(low=lowest, catalogue_ends=span.catalogue_ends - {field})
 
 
 def _highest_feed(question: Question, insert: Insert) -> float:

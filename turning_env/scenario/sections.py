@@ -79,6 +79,15 @@ class Tool(Section):
     nose_radius: float = quantity(
         0, 0, 100, "mm", "nose radius, which bounds the feed that is advised; 0: unknown"
     )
+    overhang: float = quantity(
+        0, 0, 1e4, "mm", "free length of the boring bar or holder, which bends in advice; 0: rigid"
+    )
+    shank_diameter: float = quantity(
+        0, 0, 1000, "mm", "diameter of the holder's round shank, needed with overhang; 0: unknown"
+    )
+    shank_modulus: float = quantity(
+        210_000, 1e3, 1e6, "N/mm2", "modulus of the shank (steel; carbide 600,000; handbooks)"
+    )
 
 
 class EdgeFailure(Section):
@@ -285,6 +294,9 @@ class Workpiece(Section):
     support: Literal["rigid", "chuck", "tailstock"] = "rigid"
     """Support of the bar. "rigid": it does not bend; "chuck": the chuck alone; "tailstock": chuck
     and tailstock."""
+    overhang: float = quantity(
+        0, 0, 1e5, "mm", "free length of the bar from the chuck, in advice; 0: length of cut"
+    )
     elastic_modulus: float = quantity(
         210_000, 1e3, 1e6, "N/mm2", "modulus of elasticity of the bar (steel, handbooks)"
     )

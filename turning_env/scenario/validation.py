@@ -77,6 +77,7 @@ def complaints(scenario: "Scenario") -> Iterator[str]:
     yield from _episode_complaints(scenario)
     yield from _part_complaints(scenario)
     yield from _edge_and_currency_complaints(scenario)
+    yield from _holder_complaints(scenario)
     yield from _law_complaints(scenario)
 
 
@@ -179,6 +180,16 @@ def _edge_and_currency_complaints(scenario: "Scenario") -> Iterator[str]:
     currency = scenario.economics.currency
     if not 1 <= len(currency) <= 8 or not currency.isprintable():
         yield (f"economics.currency is {currency!r}, but must have 1 to 8 printable characters")
+
+
+def _holder_complaints(scenario: "Scenario") -> Iterator[str]:
+    """Complain of the overhang of a holder whose diameter is not stated."""
+    tool = scenario.tool
+    if tool.overhang > 0 and tool.shank_diameter <= 0:
+        yield (
+            f"tool.overhang is {tool.overhang}, "
+            "but tool.shank_diameter, the diameter of its shank [mm], is not stated"
+        )
 
 
 def _law_complaints(scenario: "Scenario") -> Iterator[str]:

@@ -7,13 +7,19 @@ import numpy as np
 import pytest
 from turning_shop import WorkshopError
 from turning_shop.advise import MIN_COST, advise, best_plan, headline, tried_plans
-from turning_shop.allowed import MAX_DEFLECTION, allowed_loads, feed_range, theoretical_roughness
+from turning_shop.allowed import (
+    MAX_DEFLECTION,
+    allowed_loads,
+    feed_range,
+    limited_by_strength,
+    theoretical_roughness,
+)
 from turning_shop.plots import draw_map
 from turning_shop.prediction import Evidence
 from turning_shop.provenance import load
 from turning_shop.whatif import Cuts, what_if
 
-from turning_env import Scenario
+from turning_env import Scenario, ScenarioError
 from turning_env.__main__ import main
 
 PROGRAM = "G21 G99 T0101\nG50 S4000\nG96 S120 M3\nG0 X41. Z2.\nG1 Z-150. F0.3\nG0 X100.\nZ5.\nM30\n"
@@ -77,6 +83,89 @@ def test_a_tailstock_holds_more_and_a_rigid_bar_does_not_bend(slender: Scenario)
         forces.append(allowed_loads(held).thrust_force)
     assert forces[1] > 10.0 * forces[0]
     assert forces[2] == np.inf
+
+
+def with_fields(scenario: Scenario, section: str, **values: float | str) -> Scenario:
+    """Return a scenario with other values in a section."""
+    changed = getattr(scenario, section).model_copy(update=values)
+    return scenario.model_copy(update={section: changed})
+
+
+def test_a_boring_bar_bends_as_a_cantilever_beside_the_bar(slender: Scenario) -> None:
+    holder = {"overhang": 120.0, "shank_diameter": 25.0}
+    bored = with_fields(slender, "tool", **holder)
+    both = allowed_loads(bored).thrust_force
+    bar = allowed_loads(slender).thrust_force
+    rigid_bar = with_fields(bored, "workpiece", support="rigid")
+    tool = allowed_loads(rigid_bar).thrust_force
+    per_newton = 120.0**3 / (3.0 * 210_000.0 * np.pi * 25.0**4 / 64.0)
+    assert tool == pytest.approx(MAX_DEFLECTION / (0.7 * per_newton))
+    # Compliances add, and so do the reciprocal forces.
+    assert 1.0 / both == pytest.approx(1.0 / bar + 1.0 / tool)
+
+
+def test_a_shorter_overhang_of_the_bar_is_stiffer_by_its_cube(slender: Scenario) -> None:
+    longer = with_fields(slender, "workpiece", overhang=450.0)
+    ratio = allowed_loads(slender).thrust_force / allowed_loads(longer).thrust_force
+    assert ratio == pytest.approx(1.5**3)
+
+
+def test_an_overhang_without_its_diameter_is_refused() -> None:
+    with pytest.raises(ScenarioError, match=r"tool\.shank_diameter"):
+        Scenario.load({"tool": {"overhang": 100.0}})
+
+
+def test_a_bar_that_is_cut_beyond_its_overhang_is_refused(slender: Scenario) -> None:
+    Path("short.toml").write_text(SLENDER.replace("[tool]", "overhang = 80.0\n[tool]"))
+    with pytest.raises(WorkshopError, match=r"workpiece\.overhang is 80 mm"):
+        load("short.toml")
+
+
+def test_assumed_and_long_overhangs_are_said(slender: Scenario) -> None:
+    warnings = "\n".join(load("slender.toml")[1].warnings)
+    assert "workpiece.overhang: the bar is taken as free over workpiece.bar_length" in warnings
+    stated = SLENDER.replace("[tool]", "overhang = 310.0\n[tool]")
+    Path("stated.toml").write_text(f"{stated}overhang = 130.0\nshank_diameter = 25.0\n")
+    warnings = "\n".join(load("stated.toml")[1].warnings)
+    assert "taken as free" not in warnings
+    assert "tool.overhang is 5.2 diameters" in warnings
+    assert "the simulation bends the bar over workpiece.bar_length" in warnings
+
+
+def test_an_overhang_of_the_tool_binds_the_advice_and_is_named(slender: Scenario) -> None:
+    holder = {"overhang": 150.0, "shank_diameter": 20.0}
+    bored = with_fields(slender, "tool", **holder)
+    bored = with_fields(bored, "workpiece", support="rigid")
+    best = advise(bored, Evidence())
+    (bound,) = [bound for bound in best[0].bounds if bound.name == "tool.overhang"]
+    assert "the tool bends by 0.1 mm" in bound.limit
+
+
+def test_the_strength_of_edges_limits_programs_whose_scenario_has_a_slender_bar(
+    slender: Scenario,
+) -> None:
+    Path("strong.toml").write_text(f"{SLENDER}edge_strength = 2000.0\n")
+    strong, _ = load("strong.toml")
+    assert allowed_loads(strong).by_deflection
+    limited, note = limited_by_strength(strong)
+    assert "tool.edge_strength" in note
+    assert limited.limits.thrust_force < 2000.0
+
+
+def test_overhangs_limit_programs_in_place_of_the_stock(
+    slender: Scenario, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("shapely")
+    stated = SLENDER.replace("[tool]", "overhang = 200.0\n[tool]")
+    Path("stated.toml").write_text(f"{stated}overhang = 120.0\nshank_diameter = 25.0\n")
+    command = ["program", "part.nc", "--stock", "bar:45x300", "--json", "--scenario"]
+    notes = []
+    for name in ("slender.toml", "stated.toml"):
+        assert main([*command, name]) == 0
+        notes.append("\n".join(json.loads(capsys.readouterr().out)["notes"]))
+    assert "free over 300 mm, its whole length (assumption: workpiece.overhang)" in notes[0]
+    assert "bar and tool bend by 0.1 mm" in notes[1]
+    assert "free over 200 mm" in notes[1]
 
 
 def test_the_bending_binds_the_advice_and_is_named(slender: Scenario) -> None:

@@ -11,12 +11,17 @@ FURTHER_LIMITS = ("radial_force", "torque", "roughness")
 READ_ELSEWHERE = {
     # Read when policies are scored.
     "limits.overload_allowance",
-    # Read when a program or a shop is advised: prices of money, and the bound of an advised feed.
+    # Read when a program or a shop is advised: prices of money, the bound of an advised feed, and
+    # what bends.
     "economics.machine_rate",
     "economics.operator_rate",
     "economics.insert_price",
     "economics.edges_per_insert",
     "tool.nose_radius",
+    "tool.overhang",
+    "tool.shank_diameter",
+    "tool.shank_modulus",
+    "workpiece.overhang",
 }
 for limit in FURTHER_LIMITS:
     # Further limits depend on feed, depth and hardness only; these exponents must be 0.
