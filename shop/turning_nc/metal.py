@@ -177,46 +177,12 @@ def _joined_group(pieces: list[Any]) -> list[Any]:
 def overlaps(polygons: NDArray[Any], whole: Any) -> Values:
     """Return the area of each polygon within another one that may have very many vertices.
 
-    A polygon that lies within it, or apart from it, is not compared with its vertices. Only the
-    others are divided together with it, until few vertices are left.
+    That one is divided first, so that no polygon is compared with more vertices than it is near.
     """
-    areas = np.zeros(len(polygons))
-    _add_overlaps(areas, np.arange(len(polygons)), polygons=polygons, whole=whole)
-    return areas
-
-
-def _add_overlaps(
-    areas: Values, indices: NDArray[np.int64], polygons: NDArray[Any], whole: Any
-) -> None:
-    """Add the areas of polygons within another one to those at their indices."""
-    shapely.prepare(whole)
-    meets = shapely.intersects(whole, polygons)
-    indices = indices[meets]
-    polygons = polygons[meets]
-    covered = shapely.covers(whole, polygons)
-    areas[indices[covered]] += shapely.area(polygons[covered])
-    indices = indices[~covered]
-    polygons = polygons[~covered]
-    if not len(polygons):
-        return
-    halves = _useful_halves(whole)
-    if not halves:
-        areas[indices] += shapely.area(shapely.intersection(polygons, whole))
-        return
-    for half in halves:
-        if shapely.is_empty(half):
-            continue
-        low, high = np.split(shapely.bounds(half), 2)
-        bounds = shapely.bounds(polygons)
-        beside = (bounds[:, :2] < high).all(axis=1) & (bounds[:, 2:] > low).all(axis=1)
-        within = (bounds[:, :2] >= low).all(axis=1) & (bounds[:, 2:] <= high).all(axis=1)
-
-        # Without the parts beside the half, a polygon may lie within it.
-        clipped = polygons.copy()
-        across = np.flatnonzero(beside & ~within)
-        parts = shapely.intersection(polygons[across], shapely.box(*low, *high))
-        clipped[across] = [_areas_of(part) for part in parts]
-        _add_overlaps(areas, indices[beside], polygons=clipped[beside], whole=half)
+    pieces = np.array(list(divided(whole)), dtype=object)
+    near, piece = shapely.STRtree(pieces).query(polygons)
+    common = shapely.intersection(polygons[near], pieces[piece])
+    return np.bincount(near, shapely.area(common), minlength=len(polygons))
 
 
 def divided(polygon: Any) -> Iterator[Any]:

@@ -293,7 +293,11 @@ class _Cutting:
         metal = np.concatenate([taken.metal for taken in self._taken])
         lines = np.array([taken.line for taken in self._taken])
         line_of_polygon = np.repeat(lines, [len(taken.metal) for taken in self._taken])
-        areas = np.bincount(line_of_polygon, overlaps(metal, lost))
+
+        # A line that takes little metal, as those of a fine contour do, need not be compared.
+        taken_areas = np.bincount(line_of_polygon, shapely.area(metal))
+        may_gouge = taken_areas[line_of_polygon] > MAX_COLLISION
+        areas = np.bincount(line_of_polygon[may_gouge], overlaps(metal[may_gouge], lost))
         gouging_lines = np.flatnonzero(areas > MAX_COLLISION)
         return {int(line): float(areas[line]) for line in gouging_lines}
 
