@@ -105,8 +105,9 @@ def _specification(env_id: str, level: int = 1) -> str:
     text = inspect.getdoc(_class_of(env_id)) or ""
     names = layout(turning_env.Scenario.load(turning_env.IDS[env_id]))
     if level == 1:
-        # All ids have the same info.
-        text += "\n\n" + "\n".join(_info_table())
+        # All ids have the same info. The table says more than the docstring.
+        table = "\n".join(_info_table())
+        text = re.sub(r"^## Info\n.*?(?=^## )", table, text, flags=re.MULTILINE | re.DOTALL)
     elif len(names) != len(layout(turning_env.Scenario())):
         text += "\n\n" + "\n".join(_observation_table(names))
     # The docstring's headings are one level below that of the id.
@@ -122,11 +123,12 @@ def _class_of(env_id: str) -> Any:
 
 
 def _info_table() -> Iterator[str]:
-    yield "## Table of info\n"
+    yield "## Info\n"
     yield "| Name | Unit | Meaning |"
     yield "|---|---|---|"
     for quantity in INFO:
         yield f"| `{quantity.name}` | {quantity.unit} | {quantity.meaning} |"
+    yield "\n"
 
 
 def _observation_table(names: Sequence[str]) -> Iterator[str]:
