@@ -414,6 +414,21 @@ EXPLAINED = [
         "not allowed with",
     ),
     Mistake(
+        "turning_env advise",
+        "--material P6 --tool CNMG120408 --grade P25 --stok 80x200",
+        "there is no option --stok; did you mean --stock?",
+    ),
+    Mistake(
+        "turning_env advise",
+        "--material P6 --tool CNMG120408 --grade P25 --stock 80x200 --depth 2cm",
+        "'2cm' is no length: give mm, such as 2, or inch, such as 0.08in",
+    ),
+    Mistake(
+        "turning_control log",
+        "opc.tcp://127.0.0.1:1 --appendix",
+        "there is no option --appendix; did you mean --append?",
+    ),
+    Mistake(
         "turning_env map",
         "forging --wear 0.31 --out made.png",
         "--wear is 0.31, but an edge is worn out at tool.wear_criterion, 0.3 mm",

@@ -11,7 +11,7 @@ import gymnasium
 import numpy as np
 
 from turning_env import FAMILY_ID, IDS, score
-from turning_env.console import UserError, described, exits, positive, print_json
+from turning_env.console import Parser, UserError, described, exits, positive, print_json
 from turning_env.extras import provided
 from turning_env.scenario import Scenario, ScenarioError, presets
 from turning_env.scoring.sandbox import LIMITS
@@ -21,7 +21,7 @@ from turning_env.scoring.score import Split
 @exits(ScenarioError)
 def main(arguments: list[str] | None = None) -> int:
     """Run a command and return its exit status."""
-    parser = argparse.ArgumentParser(prog="python -m turning_env", **described(__doc__))
+    parser = Parser(prog="python -m turning_env", **described(__doc__))
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
 
     def command(

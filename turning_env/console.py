@@ -5,9 +5,11 @@ unknown name; 130 interrupted. Results go to stdout; errors, notices and progres
 """
 
 import argparse
+import difflib
 import functools
 import inspect
 import os
+import re
 import shutil
 import sys
 import textwrap
@@ -45,6 +47,21 @@ def printable(text: str) -> str:
 
 def _escape(character: str) -> str:
     return character.encode("unicode_escape").decode("ascii")
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser that names the option that a misspelt one resembles; subparsers are like it."""
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Parse arguments; an unknown option ends the program with this command's usage."""
+        options, unknown = super().parse_known_args(args, namespace)
+        misspelt = next((word for word in unknown if word.startswith("--")), None)
+        if misspelt is not None:
+            known = re.findall(r"--[a-z][\w-]*", self.format_help())
+            similar = difflib.get_close_matches(misspelt.partition("=")[0], known, n=1)
+            meant = f"; did you mean {similar[0]}?" if similar else ""
+            self.error(f"there is no option {printable(misspelt)}{meant}")
+        return options, unknown
 
 
 def described(text: str | None) -> dict[str, Any]:

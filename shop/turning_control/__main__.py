@@ -22,7 +22,15 @@ from turning_control.shield import LOG, Settings
 from turning_control.streams import standard_streams_taken
 
 from turning_env import IDS
-from turning_env.console import UserError, described, exits, number_within, positive, print_json
+from turning_env.console import (
+    Parser,
+    UserError,
+    described,
+    exits,
+    number_within,
+    positive,
+    print_json,
+)
 from turning_env.scenario import Scenario
 
 # Tasks with an action per step, which the shield guards.
@@ -35,7 +43,7 @@ Run = Callable[[argparse.Namespace], int]
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; return its exit status."""
-    parser = argparse.ArgumentParser(prog="python -m turning_control", **described(__doc__))
+    parser = Parser(prog="python -m turning_control", **described(__doc__))
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
     def command(name: str, run: Run, text: str) -> argparse.ArgumentParser:

@@ -11,6 +11,7 @@ network could have shortened it.
 import contextlib
 import getpass
 import hashlib
+import logging
 import os
 import sys
 from collections.abc import Iterator, Sequence
@@ -40,6 +41,17 @@ KEY_PASSWORD = "TURNING_OPCUA_KEY_PASSWORD"
 
 # Options that a kind of user needs.
 NEEDS = {"UserName": "--user", "Certificate": "--certificate and --key, as the user"}
+
+REFUSED_USER = "the server refuses the user: check --user and the password"
+REFUSED_CERTIFICATE = "the server refuses the certificate: let it trust --certificate FILE"
+REFUSALS = {
+    "BadUserAccessDenied": REFUSED_USER,
+    "BadIdentityTokenInvalid": REFUSED_USER,
+    "BadIdentityTokenRejected": REFUSED_USER,
+    "BadCertificateUntrusted": REFUSED_CERTIFICATE,
+    "BadSecurityChecksFailed": REFUSED_CERTIFICATE,
+}
+"""Likely causes of errors of a server, by their names (OPC UA part 4, 7.39)."""
 
 
 @dataclass(frozen=True)
@@ -183,7 +195,8 @@ def _why_not(offer: Offer, given: Security) -> str | None:
         return f"--security-mode is {given.mode}"
     if offer.policy in OBSOLETE and given.policy is None:
         return "is obsolete; name it by --security-policy to use it in spite of this"
-    return _why_not_protected(offer, given) or _why_not_user(offer, given)
+    reasons = (_why_not_protected(offer, given), _why_not_user(offer, given))
+    return ", ".join(reason for reason in reasons if reason) or None
 
 
 def _why_not_protected(offer: Offer, given: Security) -> str | None:
@@ -254,13 +267,10 @@ def connected(url: str, timeout: float, given: Security) -> Iterator[Any]:
     from asyncua.sync import Client
     from asyncua.ua.uaerrors import UaError
 
+    # Faults come as exceptions; asyncua logs them as well.
+    logging.getLogger("asyncua.client").setLevel(logging.ERROR)
     try:
-        discovery = Client(url, timeout=timeout)
-        try:
-            offers = offers_of(discovery.connect_and_get_server_endpoints())
-        finally:
-            discovery.tloop.stop()
-        offer = chosen(offers, given)
+        offer = chosen(_offers_at(url, timeout), given)
         _check_server(offer, given)
         print(notice(offer, given), file=sys.stderr, flush=True)
         client = Client(url, timeout=timeout)
@@ -268,7 +278,22 @@ def connected(url: str, timeout: float, given: Security) -> Iterator[Any]:
         with client:
             yield client
     except UaError as error:
-        raise ConnectionError(f"{url}: {type(error).__name__}: {error}") from error
+        name = type(error).__name__
+        raise ConnectionError(f"{url}: {name}: {REFUSALS.get(name, error)}") from error
+
+
+def _offers_at(url: str, timeout: float) -> list[Offer]:
+    """Return the offers of the server at an address; OSError if none answers."""
+    from asyncua.sync import Client
+
+    discovery = Client(url, timeout=timeout)
+    try:
+        return offers_of(discovery.connect_and_get_server_endpoints())
+    except OSError as error:
+        # A timeout has no text.
+        raise ConnectionError(f"{url} does not answer: {error or 'timeout'}") from error
+    finally:
+        discovery.tloop.stop()
 
 
 def _check_server(offer: Offer, given: Security) -> None:

@@ -734,14 +734,14 @@ def _stock(text: str) -> "start.Stock":
     """Return a bar, as an argparse type."""
     from turning_shop import start
 
-    match = re.fullmatch(r"(?:bar:)?([\d.]+)[xX]([\d.]+)(in)?", text)
+    match = re.fullmatch(r"(?:bar:)?([\d.]+)[xX]([\d.]+)(mm|in)?", text)
     if match is None:
         raise argparse.ArgumentTypeError(
             f"{text!r} is not allowed: DIAMETERxLENGTH in mm, such as 80x200, or 3.15x8in"
         )
     within = _millimetres(1.0, 5000.0)
-    inch = match[3] or ""
-    return start.Stock(diameter=within(match[1] + inch), length=within(match[2] + inch))
+    unit = match[3] or ""
+    return start.Stock(diameter=within(match[1] + unit), length=within(match[2] + unit))
 
 
 def _depth(text: str) -> float:
@@ -755,9 +755,13 @@ def _millimetres(low: float, high: float) -> Callable[[str], float]:
     within = number_within(low, high, unit="mm")
 
     def length(text: str) -> float:
-        if text.endswith("in"):
-            return within(str(INCH_LENGTH * float(text.removesuffix("in"))))
-        return within(text)
+        match = re.fullmatch(r"(-?(?:\d+\.?\d*|\.\d+))(mm|in)?", text)
+        if match is None:
+            raise argparse.ArgumentTypeError(
+                f"{text!r} is no length: give mm, such as 2, or inch, such as 0.08in"
+            )
+        number, unit = match.groups()
+        return within(str(INCH_LENGTH * float(number)) if unit == "in" else number)
 
     return length
 

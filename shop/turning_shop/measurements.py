@@ -611,7 +611,8 @@ def _refuse_missing(
     raise WorkshopError(
         f"{source}: no column {', '.join(absent)}; it has {', '.join(texts)}, "
         f"and the columns understood are {', '.join(understood)}; "
-        f"a value that is the same in all rows may be stated, as --set {absent[0]}=X"
+        f"name another header, as --columns {absent[0]}=HEADER, or state a value that is the same "
+        f"in all rows, as --set {absent[0]}=X"
     )
 
 

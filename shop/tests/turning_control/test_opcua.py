@@ -273,6 +273,8 @@ def test_a_guarded_server_is_driven_with_user_and_certificate_only(
         for security in lacking:
             with pytest.raises(UserError, match="Basic256Sha256, mode SignAndEncrypt"):
                 drive(lathe, security)
+        with pytest.raises(UserError, match="needs --certificate and --key, needs --user"):
+            drive(lathe, Security())
         with pytest.raises(OSError, match="another certificate"):
             drive(lathe, guarded.security(server_certificate=guarded.other_certificate))
         with pytest.raises(OSError, match=r"BadUserAccessDenied|BadIdentityToken"):

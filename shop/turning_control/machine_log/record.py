@@ -109,16 +109,24 @@ def reconnecting(
         OSError: The first connection cannot be made.
     """
     has_read = False
+    fault = ""  # why there is no connection; empty if there is one
     while runs():
         try:
             for sample in source.samples(last, runs):
+                if fault:
+                    print("connected again", file=sys.stderr)
                 has_read = True
+                fault = ""
                 last = sample
                 yield sample
         except OSError as error:
             if not has_read:
                 raise
-            print(f"lost: {error or type(error).__name__}; trying again", file=sys.stderr)
+            # A machine that is off all night needs no line every two seconds.
+            reason = str(error) or type(error).__name__
+            if reason != fault:
+                print(f"lost: {reason}; trying again", file=sys.stderr)
+            fault = reason
         pause_until(time.monotonic() + pause, runs)
 
 
