@@ -33,7 +33,15 @@ from turning_env.physics.machinability import (
     log_wear_coefficient,
 )
 from turning_env.physics.parts import end_pass, start_part, start_pass
-from turning_env.physics.quantities import COMMANDED, END, OVERRIDE, PART, SET_POINT
+from turning_env.physics.quantities import (
+    COMMANDED,
+    END,
+    OVERRIDE,
+    PART,
+    SET_POINT,
+    STATE,
+    WIDTH,
+)
 from turning_env.physics.report import clear_sums, finish_step
 from turning_env.physics.sensors import follow_process, read_sensors
 from turning_env.physics.slender_bar import bend_bar, chatter, note_stiffness
@@ -54,20 +62,12 @@ from turning_env.physics.workpiece import (
     probe_next_bar,
 )
 
-_ZERO_AT_START = (
-    "step_count",
-    "ended",
-    "path",
-    "clock",
-    "turns",
-    "edge",
-    "tangles",
-    "pass_floor",
-    "spindle_heat",
-    "removed_wear",
-    "measured_thrust_force",
-    "measured_servo_current",
-    "measured_power",
+_IDENTITY = ("seed", "episode")  # of an episode, which its start keeps
+_ZERO_AT_START = tuple(
+    quantity.name
+    for quantity in STATE
+    # ``drives.note_command`` fills the queues of past commands, which have another shape.
+    if quantity.name not in _IDENTITY and quantity.shape == (WIDTH,)
 )
 # An edge that does not cut has neither depth nor wear. Logarithms of these keep within range.
 _MIN_DEPTH = 1e-6  # [mm]
@@ -107,7 +107,7 @@ def start_episode(state, work, report, i, p):
 
 @compiled
 def clear_state(state, i):
-    """Set the quantities to 0 with which an episode starts; apart, as ``report.copy_kept``."""
+    """Set all that an episode before left behind to 0; apart, as ``report.copy_kept``."""
     for name in literal_unroll(_ZERO_AT_START):
         state[name][i] = 0
 

@@ -71,7 +71,7 @@ STATE = (
     Q("ended", "-", "the episode has ended, 0 or 1", dtype=np.int64),
     Q("cutting", "-", "the tool is in metal, 0 or 1", dtype=np.int64),
     Q("path", "mm", "tool position, air and metal"),
-    Q("clock", "min", "machine time since the start"),
+    Q("clock", "min", "machine time since the start; within a step, add the scratch's time"),
     Q("turns", "rev", "turns of the spindle since the start"),
     # Commands and drives.
     Q("commanded_cutting_speed", "m/min", "commanded cutting speed"),

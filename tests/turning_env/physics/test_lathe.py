@@ -5,6 +5,9 @@ import pytest
 
 from tests.turning_env.playing import SHORT_LIVED, UNDISTURBED, changed, fixed_actions, play
 from turning_env import RoughTurningEnv, Scenario
+from turning_env.batch.driver import start_episodes
+from turning_env.physics.quantities import REPORT, STATE, WIDTH, layout
+from turning_env.physics.records import block_records
 
 
 @pytest.mark.parametrize("source", [SHORT_LIVED, "shift", "batch_casting"])
@@ -40,3 +43,21 @@ def test_a_worn_edge_ends_the_step_at_once():
     taylor_life = (criterion / wear_after_minute) ** (1 / wear_law.time)
     assert life == pytest.approx(taylor_life, abs=1e-4)
     assert record["wear"][end] == pytest.approx(criterion, rel=1e-4)
+
+
+def test_an_episode_starts_with_nothing_of_the_one_before():
+    """Also in quantities that no effect of the scenario sets."""
+    scenario = Scenario()
+    quantities = [quantity.name for quantity in STATE if quantity.shape == (WIDTH,)]
+    observations = np.zeros((WIDTH, len(layout(scenario))), np.float32)
+    table = np.zeros((len(REPORT), WIDTH))
+    starts = []
+    for left_behind in (0, 7):
+        states, parameters, scratches = block_records(scenario)
+        for name in set(quantities) - {"seed", "episode"}:
+            states[name] = left_behind
+        chosen = np.ones(WIDTH, np.bool_)
+        start_episodes(states, parameters, scratches, chosen, observations, table)
+        starts.append(states)
+    for name in quantities:
+        assert starts[0][name].tobytes() == starts[1][name].tobytes(), name
