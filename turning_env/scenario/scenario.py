@@ -55,6 +55,12 @@ the laws of two measured sets.
 Build policies for them with ``Scenario.nominal()``. Reasons: ``docs/assumptions.md``.
 """
 
+# Which sensors there are decides the entries of observations; only their numbers may be mistaken.
+_SENSORS = tuple(
+    f"sensors.{name}"
+    for name, field in sections.Sensors.model_fields.items()
+    if field.annotation is not float
+)
 ALWAYS_KNOWN = (
     "name",
     "mismatch",
@@ -63,11 +69,7 @@ ALWAYS_KNOWN = (
     "surface",
     "economics",
     "limits",
-    "sensors.force",
-    "sensors.probe",
-    "sensors.inspects_edges",
-    "sensors.counts_tangles",
-    "sensors.observes_all",
+    *_SENSORS,
     "tool.wear_criterion",
     "tool.wear_rule",
     "machine.cutting_speed_min",

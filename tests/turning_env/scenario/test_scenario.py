@@ -1,9 +1,13 @@
 """Scenario files: what is read, refused, written and identified."""
 
+from operator import attrgetter
+
 import pytest
 
 from tests.turning_env.playing import slightly_different, variants
 from turning_env import RoughTurningEnv, RoughTurningVectorEnv, Scenario, ScenarioError, presets
+from turning_env.physics.quantities import layout
+from turning_env.scenario.scenario import nested
 
 BEYOND = "coefficient = 1e12\ncutting_speed = 10\nwear = -10\n"
 """A law whose numbers cannot be represented within a machine's ranges."""
@@ -37,6 +41,17 @@ def test_digest_ignores_the_name_and_nothing_else():
         digests[name] = scenario.digest()
     assert len(digests) > 60
     assert len({Scenario().digest(), *digests.values()}) == 1 + len(digests)
+
+
+def test_a_nominal_model_cannot_have_other_observations_than_its_scenario():
+    refused = set()
+    for name, scenario in variants(Scenario(), slightly_different):
+        if layout(scenario) != layout(Scenario()):
+            refused.add(name)
+            nominal_model = nested([(name, attrgetter(name)(scenario))])
+            with pytest.raises(ScenarioError, match=f"the control always knows {name}"):
+                Scenario.load({"nominal_model": nominal_model})
+    assert {"control.aim", "spindle.short_time_load", "sensors.observes_all"} <= refused
 
 
 REFUSED = {
