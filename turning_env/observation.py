@@ -88,25 +88,41 @@ def observe(state, work, first, last, p):
 @compiled
 def observe_further(state, work, first, last, p):
     """Observe the entries that only some scenarios have."""
-    entries = work.observation
     if p.heats:
-        for i in env_range(first, last):
-            entries[OBS.spindle_heat, i] = min(state.spindle_heat[i], MAX_RATIO)
+        observe_heat(state, work, first, last)
     if p.holds_roughness:
-        for i in env_range(first, last):
-            observe_reference(state, work, i, p)
+        observe_references(state, work, first, last, p)
     if p.probe:
-        for i in env_range(first, last):
-            entries[OBS.probed_depth, i] = deviation(state.probed_depth[i] / p.depth_of_cut[i])
+        observe_blanks(state, work, first, last, p)
     if p.inspects_edges:
-        for i in env_range(first, last):
-            ratio = state.removed_wear[i] / p.wear_criterion[i]
-            entries[OBS.removed_wear, i] = min(ratio, MAX_RATIO)
+        observe_removed_edges(state, work, first, last, p)
     if p.counts_tangles:
         observe_tangles(work, first, last)
     if p.observes_all:
-        for i in env_range(first, last):
-            observe_hidden_state(state, work, i, p)
+        observe_hidden_state(state, work, first, last, p)
+
+
+@compiled
+def observe_heat(state, work, first, last):
+    """Observe the heat of the spindle's motor."""
+    for i in env_range(first, last):
+        work.observation[OBS.spindle_heat, i] = min(state.spindle_heat[i], MAX_RATIO)
+
+
+@compiled
+def observe_blanks(state, work, first, last, p):
+    """Observe the mean allowance of the next blank."""
+    for i in env_range(first, last):
+        ratio = state.probed_depth[i] / p.depth_of_cut[i]
+        work.observation[OBS.probed_depth, i] = deviation(ratio)
+
+
+@compiled
+def observe_removed_edges(state, work, first, last, p):
+    """Observe the wear of the edge that was taken out last."""
+    for i in env_range(first, last):
+        ratio = state.removed_wear[i] / p.wear_criterion[i]
+        work.observation[OBS.removed_wear, i] = min(ratio, MAX_RATIO)
 
 
 @compiled
@@ -117,19 +133,20 @@ def observe_tangles(work, first, last):
 
 
 @compiled
-def observe_hidden_state(state, work, i, p):
+def observe_hidden_state(state, work, first, last, p):
     """Observe the true cut and the true edge."""
     entries = work.observation
-    in_metal = state.cutting[i] > 0
-    hardness = exp(state.log_hardness[i])
-    depth = state.depth_of_cut[i] / p.depth_of_cut[i]
-    wear = exp(log_wear(p, i, state.used_life[i])) / p.wear_criterion[i]
-    strength = state.edge_strength[i] / p.thrust_force_limit[i]
-    entries[OBS.hardness, i] = deviation(hardness) if in_metal else 0.0
-    entries[OBS.depth_of_cut, i] = deviation(depth) if in_metal else 0.0
-    entries[OBS.wear, i] = min(wear, MAX_RATIO) if state.used_life[i] > 0.0 else 0.0
-    entries[OBS.wear_factor, i] = deviation(exp(state.log_wear_factor[i]))
-    entries[OBS.edge_strength, i] = deviation(strength)
+    for i in env_range(first, last):
+        in_metal = state.cutting[i] > 0
+        hardness = exp(state.log_hardness[i])
+        depth = state.depth_of_cut[i] / p.depth_of_cut[i]
+        wear = exp(log_wear(p, i, state.used_life[i])) / p.wear_criterion[i]
+        strength = state.edge_strength[i] / p.thrust_force_limit[i]
+        entries[OBS.hardness, i] = deviation(hardness) if in_metal else 0.0
+        entries[OBS.depth_of_cut, i] = deviation(depth) if in_metal else 0.0
+        entries[OBS.wear, i] = min(wear, MAX_RATIO) if state.used_life[i] > 0.0 else 0.0
+        entries[OBS.wear_factor, i] = deviation(exp(state.log_wear_factor[i]))
+        entries[OBS.edge_strength, i] = deviation(strength)
 
 
 @compiled
@@ -209,14 +226,15 @@ def observe_current(state, work, i, p):
 
 
 @compiled
-def observe_reference(state, work, i, p):
+def observe_references(state, work, first, last, p):
     """Observe the reference of the roughness; 0 if the scenario has one reference only."""
-    # A range without a span has no places in it.
-    single = p.log_reference_span[i] == 0.0
-    scale = 0.0 if single else 2.0 / p.log_reference_span[i]
-    log_reference = log(state.roughness_reference[i])
-    position = range_position(log_reference, p.log_reference_min[i], scale)
-    work.observation[OBS.roughness_reference, i] = 0.0 if single else position
+    for i in env_range(first, last):
+        # A range without a span has no places in it.
+        single = p.log_reference_span[i] == 0.0
+        scale = 0.0 if single else 2.0 / p.log_reference_span[i]
+        log_reference = log(state.roughness_reference[i])
+        position = range_position(log_reference, p.log_reference_min[i], scale)
+        work.observation[OBS.roughness_reference, i] = 0.0 if single else position
 
 
 class Reading(NamedTuple):
