@@ -8,6 +8,7 @@ it states; names do not matter.
 
 import json
 import shlex
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -41,6 +42,18 @@ def command(scenario: Scenario) -> str:
     else:
         task = "FILE.toml"
     return f"python -m baselines.tune --scenario {task}"
+
+
+def command_of(names: Iterable[str], scenario: Scenario) -> str:
+    """Return the command that tunes rules which are not tuned for a scenario.
+
+    If others are, it names the rules, and keeps the others as they are.
+    """
+    try:
+        contents(scenario)
+    except NotTuned:
+        return command(scenario)
+    return f"{command(scenario)} --rules {' '.join(names)}"
 
 
 def read(file: Path) -> dict[str, Any]:

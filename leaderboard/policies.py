@@ -189,7 +189,7 @@ def named(
         home = tuned_on or task.scenario
         notify_once(
             f"skipped, as not tuned for scenario {home.name!r}: {', '.join(untuned)}; "
-            f"`{tuned.command(home)}` tunes them"
+            f"`{tuned.command_of(untuned, home)}` tunes them"
         )
     return specs
 

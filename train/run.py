@@ -68,7 +68,12 @@ def current_names(parameters: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _tables(algorithm: str) -> dict[str, dict[str, Any]]:
-    return tomllib.loads((HYPERPARAMETERS / f"{algorithm}.toml").read_text("utf-8"))
+    path = HYPERPARAMETERS / f"{algorithm}.toml"
+    if not path.is_file():
+        raise ValueError(
+            f"{algorithm} has no hyperparameters: write {path}, with a table [default]"
+        )
+    return tomllib.loads(path.read_text("utf-8"))
 
 
 def hyperparameters(algorithm: str, env_id: str) -> dict[str, Any]:

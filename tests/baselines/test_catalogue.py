@@ -72,7 +72,10 @@ def test_what_is_not_tuned_says_which_command_tunes_it(tunable: str) -> None:
     command = r"run `python -m baselines\.tune --scenario rough_turning --shipped"
     with pytest.raises(tuned.NotTuned, match=f"have not been tuned: {command}`"):
         spec(tunable, Scenario())
+    assert tuned.command_of([tunable], Scenario()) == tuned.command(Scenario())
     keep({"fixed_tuned": {"cutting_speed": 150.0, "feed": 0.2}}, Scenario())
+    advice = tuned.command_of([tunable, "tmac"], Scenario())
+    assert advice == f"{tuned.command(Scenario())} --rules tunable tmac"
     with pytest.raises(
         tuned.NotTuned, match=f"tunable has not been tuned.*{command} --rules tunable`"
     ):

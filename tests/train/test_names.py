@@ -55,3 +55,8 @@ def test_a_run_with_old_names_is_read(tmp_path: Path) -> None:
     old_parameters = {present_names.get(name, name): v for name, v in run.parameters.items()}
     replace(run, parameters=old_parameters).begin()
     assert Run.read(run.folder) == run
+
+
+def test_an_algorithm_without_a_hyperparameter_file_says_which_file_it_lacks() -> None:
+    with pytest.raises(ValueError, match=r"new has no hyperparameters: write .*new\.toml"):
+        hyperparameters("new", "RoughTurning-v0")
