@@ -13,6 +13,7 @@ import csv
 import importlib
 import shlex
 import sys
+import threading
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -125,6 +126,8 @@ class Recorder(BaseCallback):
         self.start = time.monotonic() - earlier_time
         replace_file(run.learning_curve, self._write)
         self.last_checkpoint = self.num_timesteps
+        # The default lock spans processes; a killed worker of a tuning would leave it behind.
+        tqdm.set_lock(threading.RLock())
         self.bar = tqdm(
             total=self.total_timesteps,
             initial=self.num_timesteps,
