@@ -1,8 +1,8 @@
 """The game: one episode by hand in a window, beside the best rule on the same bars."""
 
 import argparse
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import gymnasium
@@ -10,17 +10,24 @@ import numpy as np
 from gymnasium.error import ClosedEnvironmentError, DependencyNotInstalled, Error
 from numpy.typing import NDArray
 
-from baselines import catalogue
-from turning_env import IDS, Scenario
+from baselines import catalogue, tuned
+from turning_env import FAMILY_ID, IDS, Family, Scenario
 from turning_env.console import UserError, exits, positive
 from turning_env.extras import needed
 from turning_env.rendering.viewer import Window
+from turning_env.scenario.family import DRAFTS, families
 from turning_env.scoring.policy import Policy
 from turning_env.scoring.score import shipped
 from turning_env.scoring.statistics import severe_share
 
 PLAYABLE = [env_id for env_id in IDS if env_id != "RoughTurning-Batch-v0"]
-"""Ids whose steps are short enough to be played by hand."""
+"""Ids that are played by hand.
+
+A step of RoughTurning-Batch-v0 is a plan of ten numbers for a whole part, which no keys steer.
+"""
+FAMILIES = [name for name in families() if name not in DRAFTS]
+"""Families of which a training job is played by hand."""
+FAMILY_RULE = "self_tuning"  # opponent on families: it learns the lathe while it cuts
 FIRST_SEED = 1_000_000  # of games without --seed; no leaderboard plays it
 _CHANGE = 0.3  # share of the largest change of speed or feed in a step with a key held
 _LEVEL_STEP = 0.05  # by which a step changes an action that sets a value, within -1..1
@@ -32,23 +39,6 @@ class Opponent(NamedTuple):
 
     name: str
     policy: Policy
-
-
-def best_rule(env_id: str) -> Opponent:
-    """Return the rule of the highest mean return among the feasible ones of an id's leaderboard."""
-    scenario = Scenario.load(IDS[env_id])
-    allowance = scenario.limits.overload_allowance
-    best: tuple[float, str] | None = None
-    for result in shipped(env_id):
-        is_rule = result.kind == "rule" and result.name in catalogue.names(scenario)
-        if not is_rule or severe_share(result.severe, result.engaged) > allowance:
-            continue
-        candidate = (float(result.returns.mean()), result.name)
-        best = max(best, candidate) if best else candidate
-    if best is None:
-        raise UserError(f"no feasible rule plays {env_id}")
-    name = best[1]
-    return Opponent(name, catalogue.spec(name, scenario).make(1))
 
 
 @dataclass
@@ -67,6 +57,79 @@ class Lathe:
         self.observation, reward, terminated, truncated, _ = self.env.step(action)
         self.total += float(reward)
         self.ended = terminated or truncated
+
+
+@dataclass(frozen=True)
+class Match:
+    """One episode, and the rule that plays it, too.
+
+    ``arguments`` are those of ``gymnasium.make`` beside the id and the mode of rendering.
+    """
+
+    env_id: str
+    seed: int
+    scenario: Scenario
+    opponent: Opponent
+    title: str
+    arguments: Mapping[str, Any] = field(default_factory=dict)
+
+    def start(self, render_mode: str | None = None) -> Lathe:
+        """Return an environment at the start of the episode."""
+        env = gymnasium.make(self.env_id, render_mode=render_mode, **self.arguments)
+        observation, _ = env.reset(seed=self.seed)
+        return Lathe(env, observation)
+
+
+def match_on_task(env_id: str, seed: int) -> Match:
+    """Return the match on an id, one of ``PLAYABLE``, against its best rule."""
+    return Match(
+        env_id=env_id,
+        seed=seed,
+        scenario=Scenario.load(IDS[env_id]),
+        opponent=best_rule(env_id),
+        title=f"{env_id}, seed {seed}",
+    )
+
+
+def match_on_family(name: str, seed: int) -> Match:
+    """Return the match on the training job of a seed, against ``FAMILY_RULE``.
+
+    The rule is built from the job's nominal model, whose numbers the observation then hides.
+    """
+    family = Family.load(name)
+    job = family.job(seed)
+    rule = catalogue.spec(
+        FAMILY_RULE,
+        job.scenario,
+        tuned_on=Scenario.load(family.base),
+        own=tuned.on_family(family, FAMILY_RULE),
+        numbers=[job.numbers],
+    )
+    return Match(
+        env_id=FAMILY_ID,
+        seed=seed,
+        scenario=job.scenario,
+        opponent=Opponent(FAMILY_RULE, rule.make(1)),
+        title=f"{FAMILY_ID}, job {job.scenario.name}",
+        arguments={"family": family, "split": "train", "context": "hidden"},
+    )
+
+
+def best_rule(env_id: str) -> Opponent:
+    """Return the rule of the highest mean return among the feasible ones of an id's leaderboard."""
+    scenario = Scenario.load(IDS[env_id])
+    allowance = scenario.limits.overload_allowance
+    best: tuple[float, str] | None = None
+    for result in shipped(env_id):
+        is_rule = result.kind == "rule" and result.name in catalogue.names(scenario)
+        if not is_rule or severe_share(result.severe, result.engaged) > allowance:
+            continue
+        candidate = (float(result.returns.mean()), result.name)
+        best = max(best, candidate) if best else candidate
+    if best is None:
+        raise UserError(f"no feasible rule plays {env_id}")
+    name = best[1]
+    return Opponent(name, catalogue.spec(name, scenario).make(1))
 
 
 class Keyboard:
@@ -105,29 +168,29 @@ class Keyboard:
 
 
 class Game:
-    """One episode by hand, in a window, beside a rule on the same seed.
+    """One episode by hand, in a window, beside a rule in the same episode.
 
     Args:
-        env_id: id of the environment, one of ``PLAYABLE``.
-        seed: seed of the episode.
+        match: the episode and the rule.
         frames_per_second: highest number of steps shown in a second.
 
     Raises:
         gymnasium.error.Error: no window can be opened, or rendering lacks a package.
     """
 
-    def __init__(self, env_id: str, seed: int, frames_per_second: int = 30) -> None:
-        self.opponent = best_rule(env_id)
-        self.player = _lathe(env_id, seed, render_mode="rgb_array")
-        self.rule = _lathe(env_id, seed)
+    def __init__(self, match: Match, frames_per_second: int = 30) -> None:
+        self.opponent = match.opponent
+        self.player = match.start(render_mode="rgb_array")
+        self.rule = match.start()
         self.opponent.policy.reset(np.ones(1, np.bool_))
         self.paused = False
-        control = Scenario.load(IDS[env_id]).control
+        control = match.scenario.control
         self._sets_changes = control.action == "incremental"
         self._has_speed = control.action != "override"
         self._changes_edges = control.edge_changes == "commanded"
+        self._end = control.time_limit  # [min]
         self._levels = np.zeros(2 if self._has_speed else 1)
-        self._title = f"{env_id}, seed {seed}"
+        self._title = match.title
         with needed(DependencyNotInstalled):
             self._window = Window(frames_per_second)
             self._keyboard = Keyboard()
@@ -188,11 +251,14 @@ class Game:
         """Return the line below the frame: both returns, and the keys."""
         from PIL import Image
 
-        from turning_env.rendering.theme import PAPER, QUIET, write
+        from turning_env.rendering.theme import PAPER, QUIET, length, write
 
         image = Image.new("RGB", (width, _STRIP_HEIGHT), PAPER)
         score = f"you {self.player.total:.1f} s     {self.opponent.name} {self.rule.total:.1f} s"
         write(image, (16, 5), score, size=17)
+        if self._changes_edges:  # the time ends these episodes, not the edge
+            place = (36 + length(score, 17), 8)
+            write(image, place, f"until {self._end:.0f} min", size=13, colour=QUIET)
         keys = ["up/down: feed", "space: pause", "Esc: end"]
         if self._has_speed:
             keys.insert(0, "left/right: speed")
@@ -202,27 +268,30 @@ class Game:
         return np.asarray(image)
 
 
-def _lathe(env_id: str, seed: int, render_mode: str | None = None) -> Lathe:
-    env = gymnasium.make(env_id, render_mode=render_mode)
-    observation, _ = env.reset(seed=seed)
-    return Lathe(env, observation)
-
-
 def add_commands(command: Callable[..., argparse.ArgumentParser]) -> None:
     """Add the command ``play`` to ``python -m turning_env``."""
     _add_options(command(play, "play a lathe by hand, beside the best rule", scenario=False))
 
 
 def _add_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
+    task = parser.add_mutually_exclusive_group()
+    task.add_argument(
         "--env",
         choices=PLAYABLE,
         default="RoughTurning-v0",
         metavar="ID",
-        help="environment (default: %(default)s)",
+        help=f"environment, one of {', '.join(PLAYABLE)} (default: %(default)s)",
+    )
+    task.add_argument(
+        "--family",
+        choices=FAMILIES,
+        help=f"play a training job of this family instead, against the rule {FAMILY_RULE}",
     )
     parser.add_argument(
-        "--seed", type=int, default=FIRST_SEED, help="seed of the bars (default: %(default)s)"
+        "--seed",
+        type=int,
+        default=FIRST_SEED,
+        help="seed of the bars, which also determines a family's job (default: %(default)s)",
     )
     parser.add_argument(
         "--fps",
@@ -242,10 +311,15 @@ def play(options: argparse.Namespace) -> int:
 
     python -m turning_env play
     python -m turning_env play --env RoughTurning-Override-v1 --seed 7
+    python -m turning_env play --family shop --seed 7
     """
     if options.seed < 0:
         raise UserError(f"--seed {options.seed} must be 0 or more")
-    game = Game(options.env, options.seed, options.fps)
+    if options.family is None:
+        match = match_on_task(options.env, options.seed)
+    else:
+        match = match_on_family(options.family, options.seed)
+    game = Game(match, options.fps)
     try:
         while game.advance():
             pass

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from baselines.play import Game, best_rule
+from baselines.play import Game, best_rule, match_on_family, match_on_task
 
 pygame = pytest.importorskip("pygame")
 
@@ -31,7 +31,7 @@ def commands(game: Game) -> tuple[float, float]:
 
 
 def test_keys_change_speed_and_feed_while_they_are_held() -> None:
-    game = Game("RoughTurning-v0", seed=3, frames_per_second=1000)
+    game = Game(match_on_task("RoughTurning-v0", seed=3), frames_per_second=1000)
     assert game.advance()
     speed, feed = commands(game)
     press(pygame.K_RIGHT)
@@ -55,13 +55,26 @@ def test_keys_change_speed_and_feed_while_they_are_held() -> None:
 
 
 def test_a_feed_override_is_set_and_stays() -> None:
-    game = Game("RoughTurning-Override-v1", seed=3, frames_per_second=1000)
+    game = Game(match_on_task("RoughTurning-Override-v1", seed=3), frames_per_second=1000)
     press(pygame.K_UP)
     assert game.advance()
     release(pygame.K_UP)
     assert game.advance()
     assert np.isfinite(game.rule.total)
     assert game.finish().startswith("RoughTurning-Override-v1, seed 3: you ")
+
+
+def test_a_training_job_of_a_family_is_played_beside_the_rule_that_learns() -> None:
+    game = Game(match_on_family("unmodelled", seed=3), frames_per_second=1000)
+    assert game.opponent.name == "self_tuning"
+    assert game.advance()
+    assert game.player.total == pytest.approx(game.rule.total, abs=0.1)
+    press(pygame.K_e)
+    press(pygame.K_UP)
+    assert game.advance()
+    # A new edge costs its price and the time of the change; the rule keeps its edge.
+    assert game.player.total < game.rule.total - 10.0
+    assert "job unmodelled-train-3: you " in game.finish()
 
 
 def test_the_opponent_is_a_feasible_rule_that_beats_fixed_values() -> None:
