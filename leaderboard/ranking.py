@@ -3,8 +3,9 @@
 A folder may hold results on several tasks; those on one task are ranked together.
 """
 
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -68,10 +69,32 @@ def read_leaderboard(folder: Path, task: Task | None = None) -> Leaderboard:
     return Leaderboard(
         task=results[0].task,
         results=results,
-        standings=rank(results),
+        standings=list(_standings(_Content.of(results))),
         trajectories=_trajectories(folder, results),
         left_out=left_out,
     )
+
+
+@dataclass(frozen=True)
+class _Content:
+    """Results, and a key that is equal for equal results."""
+
+    key: tuple[str, ...]
+    results: Sequence[Result] = field(compare=False)
+
+    @classmethod
+    def of(cls, results: Sequence[Result]) -> "_Content":
+        """Return results with their key: checksums cover task and episodes."""
+        key = []
+        for result in results:
+            key += [result.checksum, result.policy.model_dump_json(), str(result.excess)]
+        return cls(tuple(key), results)
+
+
+# A site, its figures and its tables rank the same results: each ranking takes up to a second.
+@lru_cache(64)
+def _standings(content: _Content) -> tuple[Standing, ...]:
+    return tuple(rank(content.results))
 
 
 def _task_to_rank(

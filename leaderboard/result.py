@@ -39,6 +39,7 @@ from pydantic import (
     ValidationError,
     model_validator,
 )
+from pydantic_core import from_json
 
 from leaderboard.notices import notify_once
 from turning_env import MODEL_VERSION
@@ -157,11 +158,22 @@ class Task(Part):
 
         Results on different tasks are never ranked together.
         """
-        seeds = self.private or self.seeds
-        digest = digest_of([self.env_id, self.model_version, self.scenario.digest(), seeds])
-        if self.of_family is None:
-            return digest
-        return digest_of([digest, self.of_family.family.digest, self.of_family.split])
+        return _digest_of(self)
+
+    def __hash__(self) -> int:
+        """Return a number that equal tasks share, by few fields: a cache needs no more."""
+        return hash((self.env_id, self.scenario.name, len(self.seeds)))
+
+
+# All results in a file share their task, and each has its digest in its checksum.
+@lru_cache(64)
+def _digest_of(task: Task) -> str:
+    """Return the digest of a task."""
+    seeds = task.private or task.seeds
+    digest = digest_of([task.env_id, task.model_version, task.scenario.digest(), seeds])
+    if task.of_family is None:
+        return digest
+    return digest_of([digest, task.of_family.family.digest, task.of_family.split])
 
 
 class ExcessShares(Part):
@@ -459,7 +471,7 @@ def _parsed(kind: type[PartType], content: bytes, compressed: bool) -> PartType:
             content = stream.read(MAX_BYTES + 1)
     if len(content) > MAX_BYTES:
         raise ValueError(f"it holds more than {MAX_BYTES} bytes")
-    return kind.model_validate(json.loads(content))
+    return kind.model_validate(from_json(content))
 
 
 def write_part(part: Part, path: Path) -> None:

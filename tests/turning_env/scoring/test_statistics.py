@@ -3,7 +3,12 @@
 import numpy as np
 import pytest
 
-from turning_env.scoring.statistics import Bootstrap, interquartile_mean, severe_share
+from turning_env.scoring.statistics import (
+    Bootstrap,
+    interquartile_mean,
+    quantiles,
+    severe_share,
+)
 
 ENGAGED = np.array([100.0, 300.0, 200.0, 50.0, 250.0])  # [s]
 SEVERE = np.array([10.0, 0.0, 4.0, 0.0, 30.0])  # [s]
@@ -47,6 +52,23 @@ def test_training_seeds_are_not_paired() -> None:
     first = bootstrap.means(values, "first")
     second = bootstrap.means(values, "second")
     assert np.corrcoef(first, second)[0, 1] == pytest.approx(0, abs=0.1)
+
+
+@pytest.mark.parametrize("count", [2, 3, 40, 2000])
+def test_quantiles_are_those_of_numpy(count: int) -> None:
+    values = np.random.default_rng(count).normal(size=count)
+    for low, high in ((0.025, 0.975), (0.05, 0.95), (0.0, 1.0)):
+        assert quantiles(values, low, high) == tuple(np.quantile(values, [low, high]))
+
+
+def test_shares_above_levels_are_means_of_the_values_above() -> None:
+    values = np.random.default_rng(8).normal(size=(3, 40)).round(1)  # some are equal
+    levels = np.array([-9.0, 0.0, 0.5, 9.0])
+    bootstrap = Bootstrap(40)
+    shares = bootstrap.shares_above(values, levels, "agent")
+    for level, share in zip(levels, shares, strict=True):
+        above = np.asarray(values > level, np.float64)
+        np.testing.assert_allclose(share, bootstrap.means(above, "agent"), atol=1e-12)
 
 
 def test_the_limit_is_above_the_share() -> None:
