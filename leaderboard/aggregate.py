@@ -149,6 +149,10 @@ class TaskScores:
         """Return the share of a policy's episodes with a score above a level."""
         return self._mean_of(np.asarray(self.episode_scores(name) > level, np.float64), name)
 
+    def shares_above(self, name: str, levels: Floats) -> Floats:
+        """Return replicates of the share of episodes above levels, shape (levels, resamples)."""
+        return self._bootstrap.shares_above(self.episode_scores(name), levels, name)
+
     def wins(self, name: str, other: str) -> Mean:
         """Return the share of seeds on which a policy returns more than another; a tie is half.
 
@@ -326,7 +330,16 @@ def _text(estimate: Estimate, factor: float = 1.0) -> str:
 
 def levels_and_shares(entry: Entry, levels: Floats) -> Mapping[str, Floats]:
     """Return the performance profile of an entry at many levels: shares with their intervals."""
-    estimates = [profile(entry, level).estimate for level in levels]
+    values = []
+    replicates = []
+    for task, name in entry.items():
+        above = task.episode_scores(name) > levels[:, np.newaxis, np.newaxis]
+        values.append(above.mean(axis=(1, 2)))
+        replicates.append(task.shares_above(name, levels))
+    shares = np.mean(replicates, axis=0)
+    estimates = []
+    for value, share in zip(np.mean(values, axis=0), shares, strict=True):
+        estimates.append(Estimate.of(value, share))
     return {
         "value": np.array([estimate.value for estimate in estimates]),
         "low": np.array([estimate.low for estimate in estimates]),

@@ -216,18 +216,68 @@ def _draw_along_bar(
 
 
 def write_scores(tasks: Sequence[TaskScores], path: Path) -> None:
-    """Draw scores over the tasks, whole or not at all: performance profiles and means."""
+    """Draw scores over the tasks, whole or not at all: means and performance profiles.
+
+    The lines of the means, which bear the names, are the legend of the profiles.
+    """
     every_kind = entries(tasks)
     listed = {title: every_kind[title] for title in _KIND_LOOKS if title in every_kind}
     with style.for_print():
-        figure = Figure(figsize=(5.4, 6.0), layout="constrained")  # narrow: phones show it, too
-        upper, lower = figure.subplots(2, 1, height_ratios=(1.3, 1.0))
-        _draw_profiles(upper, listed)
-        _draw_mean_scores(lower, listed)
+        figure = Figure(figsize=(4.8, 4.6), layout="constrained")  # narrow: phones show it, too
+        upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(1.0, 1.25))
+        _draw_mean_scores(upper, listed)
+        _draw_profiles(lower, listed)
+        for axes in (upper, lower):
+            for end in (0.0, 100.0):
+                axes.axvline(end, color=style.GREY, linewidth=0.6, zorder=0.0)
         try:
             style.save(style.readable(figure), path)
         except ValueError as error:
             raise ResultError(str(error)) from error
+
+
+def _draw_mean_scores(axes: Axes, listed: Mapping[str, Entry]) -> None:
+    """Draw the interquartile mean over tasks of each kind, the best on top."""
+    means = {title: mean_score(entry).estimate for title, entry in listed.items()}
+    titles = sorted(listed, key=lambda title: means[title].value)
+    left = _LEVELS[0]
+    for place, title in enumerate(titles):
+        look = _KIND_LOOKS[title]
+        estimate = means[title]
+        is_on_scale = estimate.value > left
+        end = estimate.value if is_on_scale else left + 10.0
+        text = f"{estimate.value:.0f}".replace("-", "\N{MINUS SIGN}")
+        axes.plot([left, end], [place, place], color=look.colour, linestyle=look.dashes)
+        if is_on_scale:
+            ends = [estimate.low, estimate.high]
+            axes.plot(ends, [place, place], color=look.colour, linewidth=3.0)
+            axes.plot(estimate.value, place, "o", color=look.colour)
+        axes.annotate(
+            text if is_on_scale else f"{text}, off the scale",
+            (max(estimate.high, end), place),
+            (7, 0),
+            textcoords="offset points",
+            va="center",
+            bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0},
+        )
+    names = [f"{title} ({len(listed[title])})" for title in titles]
+    axes.set_yticks(range(len(titles)), names)
+    axes.set_ylim(-0.6, len(titles) - 0.4)
+    axes.set_title("interquartile mean over tasks (number of tasks)", loc="left", pad=24.0)
+    for end, meaning in (
+        (0.0, "0: best fixed\nspeed and feed"),
+        (100.0, "100: oracle\nof the state"),
+    ):
+        axes.annotate(
+            meaning,
+            (end, 1.0),
+            (0, 2),
+            xycoords=("data", "axes fraction"),
+            textcoords="offset points",
+            ha="center",
+        )
+    axes.spines[["left", "bottom"]].set_visible(False)
+    axes.tick_params(length=0, labelbottom=False)
 
 
 def _draw_profiles(axes: Axes, listed: Mapping[str, Entry]) -> None:
@@ -235,13 +285,7 @@ def _draw_profiles(axes: Axes, listed: Mapping[str, Entry]) -> None:
     for title, entry in listed.items():
         look = _KIND_LOOKS[title]
         shares = levels_and_shares(entry, _LEVELS)
-        axes.plot(
-            _LEVELS,
-            100.0 * shares["value"],
-            color=look.colour,
-            linestyle=look.dashes,
-            label=_title(title, entry),
-        )
+        axes.plot(_LEVELS, 100.0 * shares["value"], color=look.colour, linestyle=look.dashes)
         axes.fill_between(
             _LEVELS,
             100.0 * shares["low"],
@@ -250,48 +294,7 @@ def _draw_profiles(axes: Axes, listed: Mapping[str, Entry]) -> None:
             alpha=0.2,
             linewidth=0.0,
         )
-    axes.axvline(0.0, color=style.GREY, linewidth=0.6)
-    axes.axvline(100.0, color=style.GREY, linewidth=0.6)
     axes.set_xlim(_LEVELS[0], _LEVELS[-1])
     axes.set_ylim(0.0, 101.0)
-    axes.set_xlabel("score: 0 best fixed speed and feed, 100 oracle of the state")
+    axes.set_xlabel("score, with 95 % intervals")
     axes.set_ylabel("episodes above the score [%]")
-    axes.legend(
-        loc="lower left",
-        bbox_to_anchor=(-0.1, 1.0),
-        ncols=2,
-        title="number of tasks in brackets",
-        alignment="left",
-    )
-
-
-def _title(title: str, entry: Entry) -> str:
-    return f"{title} ({len(entry)})"
-
-
-def _draw_mean_scores(axes: Axes, listed: Mapping[str, Entry]) -> None:
-    """Draw the interquartile mean over tasks of each kind that is not far below 0."""
-    titles: list[str] = []
-    for title, entry in listed.items():
-        colour = _KIND_LOOKS[title].colour
-        estimate = mean_score(entry).estimate
-        if estimate.high < _LEVELS[0]:
-            continue
-        place = len(titles)
-        axes.plot([estimate.low, estimate.high], [place, place], color=colour, linewidth=2.5)
-        axes.plot(estimate.value, place, "o", color=colour)
-        axes.annotate(
-            f"{estimate.value:.0f}",
-            (estimate.value, place),
-            (0, 6),
-            textcoords="offset points",
-            ha="center",
-        )
-        titles.append(_title(title, entry))
-    axes.set_yticks(range(len(titles)), titles)
-    axes.set_ylim(-0.6, len(titles) - 0.2)
-    axes.set_xlim(_LEVELS[0], _LEVELS[-1])
-    axes.set_xlabel("interquartile mean over tasks of the score, 95 % interval")
-    axes.grid(axis="x")
-    axes.spines["left"].set_visible(False)
-    axes.tick_params(axis="y", length=0)
