@@ -22,7 +22,8 @@ from leaderboard.result import FamilySplit, ResultError, Task
 from train.agents.agent_file import informed
 from turning_env import FAMILY_ID, Scenario
 from turning_env.action import towards
-from turning_env.family_env import Context
+from turning_env.env import RoughTurningEnv
+from turning_env.family_env import Context, FamilyEnv
 from turning_env.observation import read
 from turning_env.physics.quantities import OBS
 from turning_env.scenario.family import DrawnJobs, Family, Job, families
@@ -316,6 +317,36 @@ class FamilyPlay:
             for name in EPISODE_FIELDS:
                 episodes[name][batch] = played[name]
         return episodes
+
+
+class Episode(NamedTuple):
+    """One episode of one policy, before its first step."""
+
+    policy: Policy  # of one environment
+    scenario: Scenario  # of a family, the job's
+    arguments: dict[str, Any]  # of the environment's class
+
+
+def episode_of(spec: PolicySpec, scenario: Scenario, seed: int) -> Episode:
+    """Return the episode that a policy plays of a seed.
+
+    Args:
+        spec: the policy; on a family, it knows the family.
+        scenario: the scenario of its task, unless that is a family.
+        seed: seed, or number of the job.
+    """
+    play = spec.compute
+    if not isinstance(play, FamilyPlay):
+        return Episode(spec.make(1), scenario, arguments={"scenario": scenario})
+    job = play.family.job(seed, play.split)
+    arguments = {"family": play.family, "split": play.split, "context": play.context}
+    return Episode(play.make([job])(1), job.scenario, arguments)
+
+
+def environment_of(episode: Episode) -> RoughTurningEnv:
+    """Return the environment of an episode, without rendering."""
+    make = FamilyEnv if "family" in episode.arguments else RoughTurningEnv
+    return make(**episode.arguments)
 
 
 def _after(played_before: int, on_step: Callable[[int], None]) -> Callable[[int], None]:

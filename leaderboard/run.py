@@ -16,7 +16,7 @@ from tqdm import tqdm
 
 from leaderboard.notices import notify_once
 from leaderboard.policies import is_code, is_of_another, reason_of
-from leaderboard.ranking import read_if_usable, read_leaderboard
+from leaderboard.ranking import Leaderboard, read_if_usable, read_leaderboard
 from leaderboard.result import (
     TRAJECTORIES_FILE,
     Result,
@@ -32,7 +32,7 @@ from leaderboard.trajectories import MAX_RECORDED, RECORDED_SEEDS, Trajectories,
 from turning_env import Scenario
 from turning_env.console import printable
 from turning_env.files import folder_lock
-from turning_env.scoring.comparators import comparators
+from turning_env.scoring.comparators import CAUSAL, comparators
 from turning_env.scoring.play import Episodes, play
 from turning_env.scoring.policy import PolicySpec
 from turning_env.scoring.seeds import held_out_seeds
@@ -162,8 +162,8 @@ def _play_all(
         able = [policy for policy in run.policies if _Place(run.folder, policy.label) not in failed]
         if not able:
             continue
-        # A trajectory would reveal private bars. Of families none is recorded.
-        if run.private is None and not run.task.of_family:
+        # A trajectory would reveal private bars.
+        if run.private is None:
             complaints += _record_trajectories(replace(run, policies=able), fresh, over)
         with folder_lock(run.folder.parent, wait=True):
             write_manifest(run.folder, run.task)
@@ -312,11 +312,7 @@ def _record_trajectories(run: TaskRun, fresh: bool, over: Workers | None) -> lis
     """
     recordings = _recordings(run)
     # The first training seed represents an agent: it comes last, and replaces the others.
-    able = {
-        recordings.names[policy.label]: policy
-        for policy in reversed(run.policies)
-        if policy.kind != "oracle"
-    }
+    able = {recordings.names[policy.label]: policy for policy in reversed(run.policies)}
     pieces = []
     for recording in recordings.wanted:
         policy = able.get(recording.name)
@@ -357,19 +353,37 @@ def _recordings(run: TaskRun) -> _Recordings:
     """Return the trajectories of a run's folder, by its present results."""
     leaderboard = read_leaderboard(run.folder, run.task)
     names = leaderboard.names
-    compared = comparators(run.task.scenario)
-    ranked = [standing for standing in leaderboard.standings if standing.kind != "oracle"]
     wanted = []
-    for place, standing in enumerate(ranked):
-        is_compared = standing.name in (compared.fixed, compared.published)
-        if place < MAX_RECORDED or standing.own or is_compared:
-            wanted += [_Recording(standing.name, seed) for seed in run.task.seeds[:RECORDED_SEEDS]]
+    for name in _recorded_names(leaderboard):
+        wanted += [_Recording(name, seed) for seed in run.task.seeds[:RECORDED_SEEDS]]
     present = {}
     if leaderboard.trajectories is not None:
         for trajectory in leaderboard.trajectories.episodes:
             name = names[trajectory.policy.label]
             present[_Recording(name, trajectory.seed)] = trajectory
     return _Recordings(names, wanted, present)
+
+
+def _recorded_names(leaderboard: Leaderboard) -> list[str]:
+    """Return the names of the standings whose trajectories a folder should hold, in order.
+
+    On a family they include the oracle, whose trajectory shows how far the best rule could go.
+    """
+    task = leaderboard.task
+    on_family = task.of_family is not None
+    compared = comparators(task.scenario, on_family=on_family)
+    always = {compared.fixed, compared.published}
+    if on_family:
+        always.add(CAUSAL)
+    standings = leaderboard.standings
+    ranked = [standing for standing in standings if standing.kind != "oracle"]
+    if on_family:
+        best = {standing.name for standing in ranked if standing.class_rank == 1}
+    else:
+        best = {standing.name for standing in ranked[:MAX_RECORDED]}
+    return [
+        standing.name for standing in standings if standing.name in best | always or standing.own
+    ]
 
 
 def _trajectory(piece: Piece) -> Trajectory | ResultError:

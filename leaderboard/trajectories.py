@@ -1,13 +1,15 @@
 """Recorded trajectories of policies on the same few seeds, thinned to a screen's resolution."""
 
-from typing import Literal, Self
+from typing import Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from leaderboard.family import environment_of, episode_of
 from leaderboard.result import Part
-from turning_env import RoughTurningEnv, Scenario
+from turning_env import Scenario
+from turning_env.scoring.comparators import CAUSAL
 from turning_env.scoring.policy import PolicySpec
 
 SCHEMA: Literal["rough-turning/trajectories/4"] = "rough-turning/trajectories/4"
@@ -31,7 +33,8 @@ RECORDED_SEEDS = 3  # number of a task's first seeds that are recorded
 MAX_RECORDED = 12
 """Number of the best policies that are recorded.
 
-The policies that others are compared with, and one's own, are recorded as well.
+The policies that others are compared with, and one's own, are recorded as well. On a family the
+best of each class stands for all: jobs last long.
 """
 MAX_STEPS = 300  # steps kept of an episode; a screen does not show more
 DIGITS = 4  # significant digits, enough to draw
@@ -39,13 +42,29 @@ LONG_DIGITS = 5  # of series that grow throughout the episode
 _GROWING = ("minutes", "path")
 
 
+class JobLimits(Part):
+    """The limits of a job."""
+
+    thrust_force: float  # [N]
+    power: float  # [kW]
+    wear: float  # tool-life criterion [mm]
+
+    @classmethod
+    def of(cls, scenario: Scenario) -> Self:
+        """Return the limits of a scenario."""
+        limits = scenario.limits
+        wear = scenario.tool.wear_criterion
+        return cls(thrust_force=limits.thrust_force, power=limits.power, wear=wear)
+
+
 class Trajectory(Part):
     """One episode of one policy."""
 
     policy: PolicySpec
-    seed: int
+    seed: int  # of a family, the job's number
     steps: int  # steps played; see steps_to_keep for those in series
     series: dict[str, list[float]]  # minutes and each of SERIES, one value per step kept
+    limits: JobLimits | None = None  # of a family's job; None: those of the task's scenario
 
     @model_validator(mode="after")
     def _check_series(self) -> Self:
@@ -73,20 +92,31 @@ class Trajectories(Part):
 def record(spec: PolicySpec, scenario: Scenario, seed: int) -> Trajectory:
     """Play one episode and keep its trajectory, thinned.
 
-    Raise ValueError if an action has the wrong shape or is not finite.
+    Args:
+        spec: the policy; on a family, it knows the family.
+        scenario: the scenario of its task.
+        seed: seed, or number of a family's job.
+
+    Raises:
+        ValueError: an action has the wrong shape or is not finite.
     """
+    episode = episode_of(spec, scenario, seed)
+    is_job = episode.scenario is not scenario
+    scenario = episode.scenario
     entries = {name: name for name in SERIES}
     if scenario.control.action == "part":
         entries |= PART_MEANS
-    env = RoughTurningEnv(scenario)
-    policy = spec.make(1)
-    observation, _ = env.reset(seed=seed)
+    env = environment_of(episode)
+    policy: Any = episode.policy
+    observation, info = env.reset(seed=seed)
     policy.reset(np.ones(1, np.bool_))
 
     recorded: dict[str, list[float]] = {name: [] for name in ("minutes", *SERIES)}
     minutes = 0.0
     ended = False
     while not ended:
+        if spec.name == CAUSAL:
+            policy.tell({name: np.atleast_1d(value) for name, value in info.items()})
         actions = policy.act(observation[None])
         observation, _, terminated, truncated, info = env.step(actions[0])
         minutes += info["time"] / 60.0
@@ -98,7 +128,13 @@ def record(spec: PolicySpec, scenario: Scenario, seed: int) -> Trajectory:
     trajectory = {name: np.array(values, np.float64) for name, values in recorded.items()}
     kept = steps_to_keep(trajectory, scenario)
     series = {name: _rounded(name, values[kept]) for name, values in trajectory.items()}
-    return Trajectory(policy=spec, seed=seed, steps=len(recorded["minutes"]), series=series)
+    return Trajectory(
+        policy=spec,
+        seed=seed,
+        steps=len(recorded["minutes"]),
+        series=series,
+        limits=JobLimits.of(scenario) if is_job else None,
+    )
 
 
 def _rounded(name: str, values: NDArray[np.float64]) -> list[float]:

@@ -16,7 +16,7 @@ from gymnasium.error import ClosedEnvironmentError
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from leaderboard.family import FamilyPlay, family_task
+from leaderboard.family import episode_of, family_task
 from leaderboard.policies import agents, named
 from leaderboard.result import ResultError, Task
 from train.agents.agent_file import ONNX_SUFFIX
@@ -36,16 +36,10 @@ class Show:
     def __init__(self, spec: PolicySpec, task: Task, render_mode: str) -> None:
         self._label = spec.label
         (seed,) = task.seeds
-        play = spec.compute
-        source: dict[str, Any]
-        if isinstance(play, FamilyPlay):
-            source = {"family": play.family, "split": play.split, "context": play.context}
-            make = play.make([play.family.job(seed, play.split)])
-        else:
-            source = {"scenario": task.scenario}
-            make = spec.make
-        self.env: Any = gymnasium.make(task.env_id, **source, render_mode=render_mode)
-        self._policy = make(1)
+        episode = episode_of(spec, task.scenario, seed)
+        arguments = episode.arguments
+        self.env: Any = gymnasium.make(task.env_id, **arguments, render_mode=render_mode)
+        self._policy = episode.policy
         self._observation, _ = self.env.reset(seed=seed)
         self._policy.reset(np.ones(1, np.bool_))
         self.ended = False

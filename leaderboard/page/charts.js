@@ -90,10 +90,10 @@ function followPointer(charts) {
   }
 }
 
-function panel(subject, trajectories, axis, axisName, width) {
+function panel(subject, limit, trajectories, axis, axisName, width) {
   const xs = trajectories.flatMap(trajectory => [least(trajectory.series[axis]), most(trajectory.series[axis])]);
   const values = trajectories.flatMap(trajectory => [...trajectory.series[subject.series], ...(subject.reference ? trajectory.series[subject.reference] : [])]);
-  const extents = [...present(values), ...(subject.limit === null ? [] : [subject.limit]), ...(subject.from_zero ? [0] : [])];
+  const extents = [...present(values), ...(limit === undefined ? [] : [limit]), ...(subject.from_zero ? [0] : [])];
   const room = 0.05 * (most(extents) - least(extents)) || 1;
   const [low, high] = [subject.from_zero ? 0 : least(extents) - room, most(extents) + room];
 
@@ -102,7 +102,7 @@ function panel(subject, trajectories, axis, axisName, width) {
     const seen = trajectory.series[subject.series];
     return `${trajectory.label} from ${written(least(seen))} to ${written(most(seen))}`;
   };
-  const limit = subject.limit === null ? "" : `; limit ${written(subject.limit)}`;
+  const limitInWords = limit === undefined ? "" : `; limit ${written(limit)}`;
   // The values of the recorded step that is nearest.
   const read = value => {
     const of = (trajectory, name) => {
@@ -115,7 +115,7 @@ function panel(subject, trajectories, axis, axisName, width) {
   };
   const made = chart({
     title,
-    label: `${title} over ${axisName}: ${trajectories.map(extent).join("; ")}${limit}`,
+    label: `${title} over ${axisName}: ${trajectories.map(extent).join("; ")}${limitInWords}`,
     axisName,
     width,
     ends: [least([0, ...xs]), most(xs)],
@@ -133,8 +133,8 @@ function panel(subject, trajectories, axis, axisName, width) {
   };
   if (subject.reference) line(trajectories[0], subject.reference, "followed");
   trajectories.forEach((trajectory, place) => line(trajectory, subject.series, LOOKS[place]));
-  if (subject.limit !== null) {
-    made.svg.append(drawing("path", { class: "limit", d: `M${LEFT} ${made.y(subject.limit)}H${width - RIGHT}` }));
+  if (limit !== undefined) {
+    made.svg.append(drawing("path", { class: "limit", d: `M${LEFT} ${made.y(limit)}H${width - RIGHT}` }));
   }
   return made;
 }
@@ -153,10 +153,12 @@ function numbers(subjects, trajectories) {
     element("th", { scope: "row" }, named(label)),
     ...[series.minutes, series.path].map(values => element("td", { textContent: written(values.at(-1), 3) })),
     ...told.map(each => element("td", { textContent: written(each.series === "wear" ? series.wear.at(-1) : most(series[each.series]), 3) }))));
-  return element("div", { className: "narrow" }, element("table", { className: "numbers" },
+  const table = element("table", { className: "numbers" },
     element("caption", { textContent: "The same in numbers" }),
     element("thead", {}, element("tr", {}, ...heads.map(text => element("th", { scope: "col", textContent: text })))),
-    element("tbody", {}, ...body)));
+    element("tbody", {}, ...body));
+  labelCells(table, table.tHead.rows[0]);
+  return element("div", { className: "narrow" }, table);
 }
 
 function choice(words, entries, chosen) {
@@ -169,7 +171,7 @@ function showTrajectories(place, data) {
   const first = Number(place.dataset.policy), recorded = policy => data.policies[policy]?.trajectories ?? [];
   const seeds = data.seeds.map((seed, number) => [number, seed]).filter(([number]) => recorded(first)[number]);
   const others = data.policies.flatMap((policy, number) => policy && number !== first ? [[number, isolated(policy.label)]] : []);
-  const [seedLabel, seed] = choice("Seed", seeds, seeds[0][0]);
+  const [seedLabel, seed] = choice(data.seed_name === "job" ? "Job" : "Seed", seeds, seeds[0][0]);
   const [secondLabel, second] = choice("Second policy", [["", "none"], ...others], data.second === first ? "" : data.second);
   const [axisLabel, axis] = choice("Along", Object.entries(data.axes), "minutes");
   const choices = element("div", { className: "choose" }, seedLabel, secondLabel, axisLabel), output = element("div");
@@ -184,13 +186,13 @@ function showTrajectories(place, data) {
     const panels = element("div", { className: "panels" });
     const thinned = trajectories.filter(trajectory => trajectory.series.minutes.length < trajectory.steps);
     const note = [
-      second.value !== "" && trajectories.length < 2 ? "The second policy was not recorded with this seed." : "",
+      second.value !== "" && trajectories.length < 2 ? `The second policy was not recorded with this ${data.seed_name}.` : "",
       thinned.length ? `Drawn: ${thinned.map(({ series, steps }) => `${series.minutes.length} of ${steps}`).join(" and ")} steps, those with the least and the greatest load among neighbours.` : "",
     ].join(" ").trim();
     output.replaceChildren(element("ul", { className: "legend" }, ...legend), panels, element("p", { className: "note", textContent: note }), numbers(data.subjects, trajectories));
     const columns = getComputedStyle(panels).gridTemplateColumns.split(" ");
     const width = Math.max(200, Math.floor(parseFloat(columns[0]) || 0));
-    const drawn = data.subjects.map(subject => panel(subject, trajectories, axis.value, data.axes[axis.value], width));
+    const drawn = data.subjects.map(subject => panel(subject, data.limits[seed.value][subject.series], trajectories, axis.value, data.axes[axis.value], width));
     panels.append(...drawn.map(each => each.figure));
     followPointer(drawn);
   };

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from leaderboard.ranking import Leaderboard
-from leaderboard.trajectories import Trajectory
+from leaderboard.trajectories import JobLimits, Trajectory
 from turning_env import Scenario
 from turning_env.rendering.plot_style import policy_look
 from turning_env.scoring.comparators import comparators
@@ -29,19 +29,17 @@ class Subject:
     series: str
     heading: str
     unit: str
-    limit: float | None = None
     from_zero: bool = True  # whether its axis begins at 0
     reference: str | None = None  # the series to be followed
 
 
 def subjects(scenario: Scenario) -> list[Subject]:
     """Return the panels of a scenario."""
-    limits = scenario.limits
     panels = [
         Subject("cutting_speed", "cutting speed", unit="m/min", from_zero=False),
         Subject("feed", "feed", unit="mm/rev"),
-        Subject("thrust_force", "thrust force", unit="N", limit=limits.thrust_force),
-        Subject("power", "power", unit="kW", limit=limits.power),
+        Subject("thrust_force", "thrust force", unit="N"),
+        Subject("power", "power", unit="kW"),
     ]
     if scenario.control.aim == "roughness":
         panels.append(
@@ -53,8 +51,7 @@ def subjects(scenario: Scenario) -> list[Subject]:
                 reference="roughness_reference",
             )
         )
-    criterion = scenario.tool.wear_criterion
-    panels.append(Subject("wear", "flank wear", unit="mm", limit=criterion))
+    panels.append(Subject("wear", "flank wear", unit="mm"))
     return panels
 
 
@@ -70,15 +67,21 @@ def chart_data(leaderboard: Leaderboard) -> dict[str, Any] | None:
 
     Policies stand in the order of the standings, each with a trajectory, or None, for each seed.
     From ``start`` on, the packed values of a trajectory are ``kept`` of each series in ``ranges``.
+    ``limits`` holds those of each seed, by series.
     """
     if leaderboard.trajectories is None:
         return None
-    scenario = leaderboard.task.scenario
+    task = leaderboard.task
+    scenario = task.scenario
     recorded = leaderboard.trajectories.episodes
     panels = subjects(scenario)
     ranges = _ranges(panels, recorded)
     recorded_seeds = {trajectory.seed for trajectory in recorded}
-    seeds = [seed for seed in leaderboard.task.seeds if seed in recorded_seeds]
+    seeds = [seed for seed in task.seeds if seed in recorded_seeds]
+    limits = {seed: JobLimits.of(scenario) for seed in seeds}
+    for trajectory in recorded:
+        if trajectory.limits is not None:
+            limits[trajectory.seed] = trajectory.limits
     # After a whole part the tool may be in air, but force and power are the part's.
     missing_in_air = () if scenario.control.action == "part" else ZERO_IN_AIR
 
@@ -104,14 +107,17 @@ def chart_data(leaderboard: Leaderboard) -> dict[str, Any] | None:
         start += kept * len(ranges)
 
     standings = [standing.name for standing in leaderboard.standings]
-    published = comparators(scenario).published
+    compared = comparators(scenario, on_family=task.of_family is not None)
+    second = compared.published or compared.fixed
     return {
         "axes": AXES,
+        "seed_name": "seed" if task.of_family is None else "job",
         "seeds": seeds,
+        "limits": [limits[seed].model_dump() for seed in seeds],
         "ranges": ranges,
         "subjects": [asdict(panel) for panel in panels],
         "policies": [policies.get(name) for name in standings],
-        "second": standings.index(published) if published in standings else None,
+        "second": standings.index(second) if second in standings else None,
         "packed": pack(np.concatenate(levels)),
     }
 

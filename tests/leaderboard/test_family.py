@@ -14,9 +14,20 @@ from numpy.typing import NDArray
 from leaderboard.__main__ import main
 from leaderboard.family import Forgetful, family_task
 from leaderboard.policies import one_named
-from leaderboard.result import PACK_FILE, Result, ResultError, read_results, result_folder
+from leaderboard.result import (
+    MANIFEST_FILE,
+    PACK_FILE,
+    TRAJECTORIES_FILE,
+    Result,
+    ResultError,
+    read_part,
+    read_results,
+    result_folder,
+)
 from leaderboard.run import Piece, attempt
 from leaderboard.standings import Standing, rank
+from leaderboard.trajectories import Trajectories
+from tests.leaderboard.conftest import play_all
 from tests.train import onnx_agents
 from tests.turning_env.test_family_env import BRIEF, BRIEF_FAMILY
 from turning_env import FAMILY_ID, Family
@@ -206,6 +217,23 @@ def test_private_jobs_change_no_parameters() -> None:
     assert parameters[0] == parameters[1]
 
 
+def test_trajectories_of_jobs_are_those_that_were_played(tmp_path: Path) -> None:
+    task = family_task(BRIEF_FAMILY, "unseen_jobs", 8)
+    folder = result_folder(tmp_path, FAMILY_ID, task.scenario.name)
+    policies = [one_named(name, task) for name in (NOMINAL_SHARE, CAUSAL)]
+    play_all(task, policies, folder)
+    results = read_results(folder)
+    trajectories = read_part(Trajectories, folder / TRAJECTORIES_FILE).episodes
+    assert len(trajectories) == 6
+    for trajectory in trajectories:
+        job = trajectory.seed
+        assert trajectory.steps == results[trajectory.policy.label].episodes["steps"][job]
+        scenario = BRIEF_FAMILY.job(job, "unseen_jobs").scenario
+        assert trajectory.limits is not None
+        assert trajectory.limits.power == scenario.limits.power
+        assert trajectory.limits.wear == scenario.tool.wear_criterion
+
+
 @pytest.mark.slow
 def test_a_family_of_ones_own_is_played_ranked_and_packed(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -229,7 +257,8 @@ def test_a_family_of_ones_own_is_played_ranked_and_packed(
     before = [read_results(folder) for folder in folders]
     assert main(["pack", *results]) == 0
     assert [read_results(folder) for folder in folders] == before
-    assert {path.name for path in folders[0].iterdir()} == {PACK_FILE, "manifest.json"}
+    files = {PACK_FILE, TRAJECTORIES_FILE, MANIFEST_FILE}
+    assert {path.name for path in folders[0].iterdir()} == files
 
     capsys.readouterr()
     assert main(["show", *results, "--env", FAMILY_ID, "--all", "--json"]) == 0
