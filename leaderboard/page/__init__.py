@@ -8,6 +8,7 @@ import re
 import shlex
 from base64 import b64encode
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -18,19 +19,28 @@ from markupsafe import Markup
 
 from baselines.guided import HOLD
 from leaderboard import columns, table
+from leaderboard.columns import Cell
 from leaderboard.information import CLASSES
 from leaderboard.page.charts import chart_data
 from leaderboard.ranking import Leaderboard
 from leaderboard.shown import MAX_COMMAND, MAX_VALUES, few, limited
-from leaderboard.standings import best_rule
+from leaderboard.standings import Standing, best_rule
 from train.agents.agent_file import ONNX_SUFFIX
-from turning_env import IDS, Scenario, presets
+from turning_env import IDS, SPLITS, Scenario, presets
 from turning_env.rendering.plot_style import policy_look
 from turning_env.scenario.family import families
+from turning_env.scoring.comparators import CAUSAL, comparators
 from turning_env.scoring.policy import PolicySpec
+from turning_env.scoring.score import SPLIT
 from turning_env.scoring.statistics import CONFIDENCE, RESAMPLES
 
-SHOWN_AT_FIRST = ("Result", "Constraint track", "Limits")
+SHOWN_AT_FIRST = ("Score", "Result", "Constraint track", "Limits")
+SHOWN_ON_PHONES = ("Score", "Result")
+MARKED = {
+    "best rule": "rule",
+    "best model-free agent": "model-free agent",
+}
+"""Classes of policies whose best scores stand above a ranking, by title."""
 VERDICTS = {
     "feasible": "",
     "not shown": "? feasibility not shown",
@@ -57,11 +67,13 @@ def render(leaderboards: Sequence[Leaderboard]) -> str:
         .get_template("page.html.j2")
         .render(
             sections=sections,
+            opening=_opening(sections),
             tasks=sections_by_id,
             across=table.across(leaderboards),
             column_groups=list(columns.GROUPS),
             classes=_classes(leaderboards),
             shown_at_first=SHOWN_AT_FIRST,
+            shown_on_phones=SHOWN_ON_PHONES,
             verdicts=VERDICTS,
             max_values=MAX_VALUES,
             hold=HOLD,
@@ -131,6 +143,10 @@ def _section(leaderboard: Leaderboard) -> dict[str, Any]:
     """Return the variables of a leaderboard's section, as the template calls them."""
     task = leaderboard.task
     column_groups = columns.groups(leaderboard.standings)
+    # The score comes first: it is the only number that means the same on all tasks.
+    if "Score" in column_groups:
+        column_groups = {"Score": column_groups["Score"]} | column_groups
+    marks = _marks(leaderboard.standings)
     with_heading = []
     for heading, group in column_groups.items():
         with_heading += [(heading, column) for column in group]
@@ -148,9 +164,64 @@ def _section(leaderboard: Leaderboard) -> dict[str, Any]:
         "ranking": columns.ranking(task.scenario),
         "chart_data": chart_data(leaderboard),
         "best_rule": best_rule(leaderboard.standings),
+        "fixed": comparators(task.scenario, on_family=task.of_family is not None).fixed,
+        "oracle": CAUSAL,
+        "marks": marks,
+        "room": _room(leaderboard, marks),
         "policies": policies,
         "command": reproducing_command(leaderboard),
     }
+
+
+@dataclass(frozen=True)
+class Mark:
+    """The best policy of a class on the scale of scores."""
+
+    title: str
+    standing: Standing
+    score: float
+    cell: Cell
+
+    @property
+    def share(self) -> float:
+        """Return the part of the scale that lies below the score [%]."""
+        return min(max(self.score, 0.0), 100.0)
+
+
+def _marks(standings: Sequence[Standing]) -> list[Mark]:
+    """Return the best policies of the classes in ``MARKED``, as far as they have a score."""
+    (score_column, *_) = columns.SCORE
+    marks = []
+    for title, policy_class in MARKED.items():
+        for standing in standings:
+            if standing.policy_class == policy_class and standing.unranked is None:
+                if standing.score is not None:
+                    cell = score_column.cell(standing)
+                    marks.append(Mark(title, standing, standing.score.value, cell))
+                break
+    return marks
+
+
+def _room(leaderboard: Leaderboard, marks: Sequence[Mark]) -> float | None:
+    """Return the score of the best rule less that of the best model-free agent.
+
+    Return None if there is not one of each, or if the leaderboard is of a split on which nothing
+    is tuned or trained.
+    """
+    task = leaderboard.task
+    is_split = task.scenario.name in SPLITS
+    if task.of_family is not None:
+        is_split = task.of_family.split != SPLIT
+    if is_split or len(marks) < len(MARKED):
+        return None
+    rule, agent = marks
+    return rule.score - agent.score
+
+
+def _opening(sections: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Return the section with which the page opens: that with most room, or the first."""
+    with_room = [section for section in sections if section["room"] is not None]
+    return max(with_room, key=lambda section: section["room"], default=sections[0])
 
 
 def reproducing_command(leaderboard: Leaderboard) -> str:

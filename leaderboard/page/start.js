@@ -1,23 +1,25 @@
 // What happens on which event.
 
 const form = document.querySelector("form"), sections = [...document.querySelectorAll("main > section")];
-const tools = document.querySelector(".tools"), theme = document.querySelector(".theme");
+const tools = document.querySelector(".tools"), tasks = document.querySelector(".tasks"), theme = document.querySelector(".theme");
 form.hidden = theme.hidden = false;
+for (const table of document.querySelectorAll(".sortable")) labelCells(table, table.querySelector(".heads"));
 
 const wide = matchMedia("(min-width: 40rem)");
-const unfold = () => { tools.open = wide.matches; };
+const unfold = () => { tools.open = tasks.open = wide.matches; };
 wide.addEventListener("change", unfold);
 unfold();
+if (!wide.matches) {
+  for (const box of form.querySelectorAll("[name=columns]")) box.checked = box.dataset.onPhones !== undefined;
+}
 
 function showSection() {
   const place = (() => { try { return decodeURIComponent(location.hash.slice(1)); } catch { return ""; } })();
-  const chosen = sections.find(section => place === section.id || place.startsWith(`${section.id}/`)) ?? sections[0];
+  const chosen = sections.find(section => place === section.id || place.startsWith(`${section.id}/`)) ?? document.getElementById(document.querySelector("main").dataset.opens);
   for (const section of sections) section.hidden = section !== chosen;
   for (const link of document.querySelectorAll("nav a")) {
     if (decodeURIComponent(link.hash.slice(1)) === chosen.id) {
       link.setAttribute("aria-current", "page");
-      const list = link.closest("ul"); // on a phone, one line that scrolls
-      list.scrollLeft = link.offsetLeft + link.offsetWidth - list.offsetLeft - list.clientWidth;
     } else link.removeAttribute("aria-current");
   }
   form.hidden = !chosen.classList.contains("leaderboard");
@@ -28,6 +30,10 @@ function showSection() {
   if (!button) return;
   toggle(button);
   const box = head.closest(".wide");
+  if (box.scrollHeight <= box.clientHeight) { // on a phone the page scrolls alone
+    head.scrollIntoView();
+    return;
+  }
   box.scrollIntoView();
   box.scrollTop += head.getBoundingClientRect().top - box.getBoundingClientRect().top - box.querySelector("thead").offsetHeight;
 }
@@ -84,6 +90,9 @@ document.addEventListener("keydown", event => {
 form.addEventListener("input", showSection);
 form.addEventListener("submit", event => event.preventDefault());
 addEventListener("hashchange", showSection);
+tasks.addEventListener("click", event => {
+  if (event.target.closest("a")) tasks.open = wide.matches;
+});
 
 const remembered = () => { try { return localStorage.getItem("theme") ?? ""; } catch { return ""; } };
 function setTheme(name) {

@@ -6,6 +6,15 @@ function element(name, properties = {}, ...children) {
   return made;
 }
 
+// A phone shows a row as a card, in which every cell has its column's heading.
+function labelCells(table, heads) {
+  for (const row of table.tBodies[0].rows) {
+    if (row.classList.contains("detail")) continue;
+    for (const cell of row.cells) cell.dataset.label = heads.cells[cell.cellIndex].textContent.trim();
+  }
+  table.classList.add("labelled");
+}
+
 const detailOf = row => row.nextElementSibling?.classList.contains("detail") ? row.nextElementSibling : null;
 
 function sortBy(head) {

@@ -12,6 +12,8 @@ from leaderboard.page.charts import chart_data
 from leaderboard.ranking import Leaderboard, read_leaderboard
 from leaderboard.result import Task, result_folder, write_result
 from tests.leaderboard.conftest import ENV_ID, MakeResult, play_all, spec
+from tests.leaderboard.test_standings import leaderboard_of
+from turning_env import IDS, Scenario
 
 HOSTILE = "<script>alert(1)"
 
@@ -100,11 +102,38 @@ def test_charts_show_the_limits_of_the_scenario(leaderboard: Leaderboard) -> Non
     data = chart_data(leaderboard)
     assert data is not None
     scenario = leaderboard.task.scenario
-    limits = {subject["series"]: subject["limit"] for subject in data["subjects"]}
-    assert limits == {
-        "cutting_speed": None,
-        "feed": None,
+    limits = {
         "thrust_force": scenario.limits.thrust_force,
         "power": scenario.limits.power,
         "wear": scenario.tool.wear_criterion,
     }
+    assert data["limits"] == [limits] * 3
+
+
+def board(make_result: MakeResult, env_id: str, fixed: str, agent: float) -> Leaderboard:
+    """Return a leaderboard on which the best rule scores 80."""
+    on = Task(env_id=env_id, scenario=Scenario.load(IDS[env_id]), seeds=[0, 1])
+    parameters = {"training_information": ["rewards"]}
+    learned = spec("ppo", seed=0, parameters=parameters)
+    return leaderboard_of(
+        [
+            make_result(fixed, on=on, returns=0.0),
+            make_result("rule", on=on, returns=80.0),
+            make_result("ppo", on=on, policy=learned, returns=agent),
+            make_result("causal", on=on, policy=spec("causal", kind="oracle"), returns=100.0),
+        ]
+    )
+
+
+@pytest.mark.parametrize(("agents", "opening"), [((70.0, 30.0), 1), ((-50.0, 30.0), 0)])
+def test_the_page_opens_where_agents_are_farthest_behind_rules(
+    agents: tuple[float, float], opening: int, make_result: MakeResult
+) -> None:
+    boards = [
+        board(make_result, "RoughTurning-v0", "fixed_tuned", agents[0]),
+        board(make_result, "RoughTurning-Override-v1", "override_tuned", agents[1]),
+    ]
+    html = page.render(boards)
+    task = boards[opening].task
+    assert f'data-opens="{task.env_id}/{task.scenario.name}"' in html
+    assert html.count("No task has more room") == 1

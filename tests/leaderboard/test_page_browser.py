@@ -123,3 +123,22 @@ def test_the_page_is_no_wider_than_the_screen(opened: Open, address: str, width:
     row(shown, HOSTILE).click()
     expect(shown.locator(".panels svg").first).to_be_visible()
     assert shown.evaluate("document.documentElement.scrollWidth - innerWidth") == 0
+
+
+SCROLLS = """element => {
+  const { overflowX, overflowY } = getComputedStyle(element);
+  const scrolls = /auto|scroll/;
+  return scrolls.test(overflowX) && element.scrollWidth > element.clientWidth + 1
+    || scrolls.test(overflowY) && element.scrollHeight > element.clientHeight + 1;
+}"""
+
+
+def test_nothing_but_the_page_scrolls_on_a_phone(opened: Open, address: str) -> None:
+    shown = opened(address, 360)
+    row(shown, "grid_search").click()
+    expect(shown.locator(".panels svg").first).to_be_visible()
+    first = shown.locator("section:visible .policy").first
+    expect(first.locator("td.g0").first).to_have_attribute("data-label", "return [s]")
+    elements = "[...document.querySelectorAll('body *')]"
+    scrolling = f"{elements}.filter({SCROLLS}).map(element => element.tagName)"
+    assert shown.evaluate(scrolling) == []
