@@ -34,7 +34,7 @@ from turning_env.scoring.policy import PolicySpec
 from turning_env.scoring.score import SPLIT
 from turning_env.scoring.statistics import CONFIDENCE, RESAMPLES
 
-SHOWN_AT_FIRST = ("Score", "Result", "Constraint track", "Limits")
+SHOWN_AT_FIRST = ("Score", "Result", "Limits")
 SHOWN_ON_PHONES = ("Score", "Result")
 MARKED = {
     "best rule": "rule",
