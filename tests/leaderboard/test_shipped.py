@@ -8,7 +8,14 @@ import pytest
 from baselines.catalogue import names
 from leaderboard import verify
 from leaderboard.policies import CLAIRVOYANT, SUMS, agent_files, oracles
-from leaderboard.result import MANIFEST_FILE, Manifest, read_part, read_results
+from leaderboard.result import (
+    MANIFEST_FILE,
+    TRAJECTORIES_FILE,
+    Manifest,
+    read_part,
+    read_results,
+)
+from leaderboard.trajectories import Trajectories
 from leaderboard.verify import Selection
 from train.agents import agent_file
 from turning_env import FAMILY_ID, IDS, SPLITS, Family, Scenario
@@ -95,7 +102,12 @@ def test_policies_of_the_family_play_every_job_of_the_three_splits() -> None:
     assert {folder.name for folder in (RESULTS / FAMILY_ID).iterdir()} == expected
     for name in sorted(expected):
         # Unranked: tests/test_tables.py ranks them.
-        results = read_results(RESULTS / FAMILY_ID / name).values()
+        folder = RESULTS / FAMILY_ID / name
+        by_label = read_results(folder)
+        results = by_label.values()
+        for trajectory in read_part(Trajectories, folder / TRAJECTORIES_FILE).episodes:
+            steps = by_label[trajectory.policy.label].episodes["steps"]
+            assert trajectory.steps == steps[trajectory.seed]
         for result in results:
             assert result.task.scenario.name == name
             assert len(result.task.seeds) == 256
