@@ -1,4 +1,4 @@
-"""Every id by every way into it: the cells of the table in docs/ecosystem.md."""
+"""Every id by every way into it; docs/ecosystem.md lists the exceptions."""
 
 from collections.abc import Callable
 from pathlib import Path
