@@ -4,10 +4,10 @@ Which policies play is the matter of ``leaderboard.policies``. How pieces of wor
 processes or a cluster belongs to ``turning_env.scoring.workers``.
 """
 
+import dataclasses
 import traceback
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 from typing import NamedTuple
@@ -139,33 +139,25 @@ def play_all(
         WorkersError: the workers have gone, or do not run this version.
         OSError: a folder cannot be written to.
     """
-    with ExitStack() as locks:
-        for run in runs:
-            locks.enter_context(folder_lock(run.folder, shared=True))
-        _play_all(runs, fresh, over, replace_others=replace)
-
-
-def _play_all(
-    requested: Sequence[TaskRun], fresh: bool, over: Workers | None, replace_others: bool
-) -> None:
-    runs = []
+    admitted_runs = []
     complaints: list[ResultError] = []
-    for run in requested:
-        admitted, refused = _admitted(run, replace_others)
-        runs.append(admitted)
+    for run in runs:
+        admitted, refused = _admitted(run, replace)
+        admitted_runs.append(admitted)
         complaints += refused
 
-    failed = _play_missing(runs, fresh, over)
+    failed = _play_missing(admitted_runs, fresh, over)
     complaints += failed.values()
 
-    for run in runs:
+    for run in admitted_runs:
         able = [policy for policy in run.policies if _Place(run.folder, policy.label) not in failed]
         if not able:
             continue
         # A trajectory would reveal private bars.
         if run.private is None:
-            complaints += _record_trajectories(replace(run, policies=able), fresh, over)
-        with folder_lock(run.folder.parent, wait=True):
+            able_run = dataclasses.replace(run, policies=able)
+            complaints += _record_trajectories(able_run, fresh, over)
+        with folder_lock(run.folder, wait=True):
             write_manifest(run.folder, run.task)
     if complaints:
         raise PoliciesFailedError(complaints)
@@ -213,7 +205,9 @@ def _play_missing(
             if isinstance(result, ResultError):
                 failed[_Place(run.folder, policy.label)] = result
             else:
-                write_result(result, run.folder)
+                # Another run may write into the folder, too.
+                with folder_lock(run.folder, wait=True):
+                    write_result(result, run.folder)
             done += len(run.seeds)
             bar.update(done - bar.n)
     return failed
@@ -265,7 +259,7 @@ def _admitted(run: TaskRun, replace_others: bool) -> tuple[TaskRun, list[ResultE
                 "keeps both"
             )
             refused.append(ResultError(f"{fault} stands: {advice}"))
-    return replace(run, policies=policies), refused
+    return dataclasses.replace(run, policies=policies), refused
 
 
 def _finished(run: TaskRun) -> set[str]:
@@ -273,8 +267,9 @@ def _finished(run: TaskRun) -> set[str]:
 
     Raise OSError if the folder cannot be written to.
     """
-    write_whole(run.folder / "writable", "")
-    (run.folder / "writable").unlink(missing_ok=True)
+    with folder_lock(run.folder, wait=True):
+        write_whole(run.folder / "writable", "")
+        (run.folder / "writable").unlink(missing_ok=True)
     policies = {policy.label: policy for policy in run.policies}
     finished = set()
     for label, result in read_results(run.folder).items():
@@ -340,7 +335,7 @@ def _record_trajectories(run: TaskRun, fresh: bool, over: Workers | None) -> lis
 def _write_trajectories(run: TaskRun, trajectories: dict[_Recording, Trajectory]) -> None:
     """Write trajectories beside those that another run has recorded meanwhile."""
     path = run.folder / TRAJECTORIES_FILE
-    with folder_lock(run.folder.parent, wait=True):
+    with folder_lock(run.folder, wait=True):
         recordings = _recordings(run)
         merged = recordings.present | trajectories
         episodes = [merged[recording] for recording in recordings.wanted if recording in merged]

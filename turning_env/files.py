@@ -1,6 +1,5 @@
 """Write files whole or not at all, digest contents, and lock files that several processes share."""
 
-import errno
 import hashlib
 import json
 import os
@@ -9,12 +8,10 @@ from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-try:
-    import fcntl
-except ImportError:  # pragma: no cover - not on Linux or macOS
-    fcntl = None  # type: ignore[assignment]
+from filelock import FileLock, Timeout
 
 _PARTIAL = ".partial-"
+_LOCK = ".lock"
 
 
 def replace_file(target: Path, write: Callable[[Path], object]) -> None:
@@ -60,60 +57,50 @@ def digest_of_files(folder: Path, paths: Iterable[Path]) -> str:
 
 
 @contextmanager
-def folder_lock(folder: Path, wait: bool = False, shared: bool = False) -> Iterator[None]:
+def folder_lock(folder: Path, wait: bool = False) -> Iterator[None]:
     """Lock a folder, and remove hidden files that killed processes left in it.
 
-    A missing folder is made. The operating system releases the lock when the process ends, also if
-    it is killed. On file systems without locks, nothing is locked.
+    A missing folder is made. Processes that write into the same folder hold its lock while they
+    write; otherwise the next one may remove their hidden files. The lock ends with the process,
+    also if it is killed.
 
     Args:
         folder: folder to lock.
         wait: wait for other processes instead of raising an error.
-        shared: lock against locks that are not shared, and wait for them; only the first process
-            removes hidden files.
 
     Raises:
-        ValueError: if another process has a lock.
+        ValueError: if another process has the lock.
     """
-    if not folder.exists():
-        folder.mkdir(parents=True, exist_ok=True)
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        # Also a process that shares the lock tries to be alone first, to remove hidden files.
-        if _locked(handle, wait and not shared):
-            for path in folder.glob(f"{_PARTIAL}*"):
-                with suppress(OSError):  # a hidden file is not read, so it does no harm
-                    path.unlink(missing_ok=True)
-        elif not shared:
-            raise ValueError(
-                f"another process works in {folder}: "
-                "wait until it has finished, or choose another place"
-            )
-        if shared:
-            _locked(handle, wait=True, shared=True)
+    with _locked(folder / _LOCK, folder, wait):
+        for path in folder.glob(f"{_PARTIAL}*"):
+            with suppress(OSError):  # a hidden file is not read, so it does no harm
+                path.unlink(missing_ok=True)
         yield
-    finally:
-        os.close(handle)
 
 
 def file_lock(path: Path, wait: bool = False) -> AbstractContextManager[None]:
-    """Lock a file, made if missing, but not its folder; see ``folder_lock``."""
-    if not path.exists():
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.touch()
-    return folder_lock(path, wait)
+    """Lock a file, which need not exist, but not its folder; see ``folder_lock``."""
+    # On Windows nobody can read a file that is locked itself.
+    return _locked(path.with_name(path.name + _LOCK), path, wait)
 
 
-def _locked(handle: int, wait: bool, shared: bool = False) -> bool:
-    """Return whether the lock is held; true if the file system has no locks."""
-    if not fcntl:
-        return True
-    operation = fcntl.LOCK_SH if shared else fcntl.LOCK_EX
-    if not wait:
-        operation |= fcntl.LOCK_NB
+@contextmanager
+def _locked(lock_file: Path, locked: Path, wait: bool) -> Iterator[None]:
+    """Hold the lock of a file or a folder, whose lock file exists meanwhile."""
+    lock_file.parent.mkdir(parents=True, exist_ok=True)
+    lock = FileLock(lock_file)
     try:
-        fcntl.flock(handle, operation)
-    except OSError as error:
-        held_by_other = error.errno in (errno.EWOULDBLOCK, errno.EAGAIN, errno.EACCES)
-        return not held_by_other
-    return True
+        lock.acquire(timeout=-1 if wait else 0)
+    except Timeout:
+        raise ValueError(
+            f"another process works in {locked}: "
+            "wait until it has finished, or choose another place"
+        ) from None
+    try:
+        yield
+    finally:
+        # Who waits opens the file anew at each attempt, and does not accept one that was removed.
+        # Windows refuses to remove an open file; there, filelock removes it.
+        with suppress(OSError):
+            lock_file.unlink(missing_ok=True)
+        lock.release()

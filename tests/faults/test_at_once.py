@@ -3,7 +3,9 @@
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -21,21 +23,21 @@ from train.training import train
 from turning_env import Scenario
 from turning_env.files import folder_lock
 
+PARTIAL = ".partial-*"
 HOLD = """
 import sys
 from pathlib import Path
 from turning_env import files
-options = {"shared": True} if "shared" in sys.argv else {}
-with getattr(files, sys.argv[1])(Path(sys.argv[2]), **options):
+with getattr(files, sys.argv[1])(Path(sys.argv[2])):
     print("held", flush=True)
     sys.stdin.readline()
 """
 
 
 @contextmanager
-def held(how: str, path: Path, *shared: str) -> Iterator["subprocess.Popen[str]"]:
+def held(how: str, path: Path) -> Iterator["subprocess.Popen[str]"]:
     """Another process, which holds a folder or a file until it is killed or its input ends."""
-    command = [sys.executable, "-c", HOLD, how, str(path), *shared]
+    command = [sys.executable, "-c", HOLD, how, str(path)]
     with subprocess.Popen(
         command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     ) as other:
@@ -57,26 +59,29 @@ def test_a_folder_is_held_until_the_process_ends_however_it_ends(tmp_path: Path)
             folder_lock(folder),
         ):
             pass
-        assert list(folder.iterdir())  # what another may be filling is let be
+        assert list(folder.glob(PARTIAL))  # another process may be filling it
         other.kill()
         other.wait()
         with folder_lock(folder):
-            assert not list(folder.iterdir())
+            assert not list(folder.glob(PARTIAL))
+    assert not list(folder.iterdir())
 
 
 @pytest.mark.slow
-def test_several_share_a_folder_and_the_first_clears_it(tmp_path: Path) -> None:
-    (tmp_path / ".partial-7-file.txt").touch()
-    with held("folder_lock", tmp_path, "shared") as other:
-        assert not list(tmp_path.iterdir())
-        (tmp_path / ".partial-8-file.txt").touch()
-        with folder_lock(tmp_path, shared=True):
-            assert list(tmp_path.iterdir())
-        with pytest.raises(ValueError, match="another process"), folder_lock(tmp_path):
-            pass
-        threading.Timer(0.2, other.kill).start()
+def test_who_waits_for_a_folder_then_holds_it_alone(tmp_path: Path) -> None:
+    inside = 0
+
+    def enter(_: int) -> None:
+        nonlocal inside
         with folder_lock(tmp_path, wait=True):
-            assert not list(tmp_path.iterdir())
+            inside += 1
+            assert inside == 1
+            time.sleep(0.01)
+            inside -= 1
+
+    with ThreadPoolExecutor(4) as threads:
+        list(threads.map(enter, range(8)))
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.slow
@@ -88,7 +93,7 @@ def test_a_training_is_not_trained_twice_at_once(tmp_path: Path) -> None:
             ValueError, match=f"another process works in {run.folder}: wait until it has finished"
         ):
             train(run, algorithm)
-        assert not list(run.folder.iterdir())
+        assert not list(run.folder.glob("[!.]*"))
         threading.Timer(0.2, other.kill).start()
         assert train(run, algorithm, wait=True) == run.policy
 

@@ -92,7 +92,7 @@ def compiled_entry(function: Callable[..., Any]) -> Any:
         kept = folder is not None and any(folder.rglob(f"*.{name}-*.nbi"))
         notice = nullcontext() if kept else _notice(name)
         # The lock lets one process compile, while the others wait for its code.
-        lock = nullcontext() if folder is None else file_lock(folder / f".{name}.lock", wait=True)
+        lock = nullcontext() if folder is None else file_lock(folder / f".{name}", wait=True)
         with notice, lock:
             cache_dir = config.CACHE_DIR
             try:
