@@ -100,6 +100,17 @@ def test_an_environment_that_needs_more_says_how_to_install_it(without: Path) ->
     )
 
 
+def test_scoring_an_agent_without_onnxruntime_says_how_to_install_it(without: Path) -> None:
+    agent = "agents/RoughTurning-Batch-v0/batch_casting/ppo-seed0.onnx"
+    code = f"import turning_env; turning_env.score('{agent}')"
+    finished = python(without, "onnxruntime", "-c", code)
+    last = finished.stderr.splitlines()[-1]
+    assert (
+        last == "ModuleNotFoundError: onnxruntime is not installed: "
+        "pip install 'rough-turning[onnx]'"
+    )
+
+
 def test_without_torch_rules_are_played(without: Path) -> None:
     words = [
         "-m",

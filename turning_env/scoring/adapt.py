@@ -11,7 +11,7 @@ import numpy as np
 from gymnasium.spaces import Box, Space
 from numpy.typing import NDArray
 
-from turning_env.scoring.policy import Actions, Observations, Policy, PolicyFactory
+from turning_env.scoring.policy import Actions, Observations, Policy, PolicyFactory, PolicySpec
 from turning_env.scoring.sandbox import LIMITS, AgentFileError, Limits, load
 from turning_env.scoring.sb3_observations import ADVICE, normalisation
 from turning_env.scoring.torch_module import ModulePolicy, is_module
@@ -37,8 +37,10 @@ def as_factory(
         policy = _imported(policy)
     if isinstance(policy, str | Path):
         return _onnx(Path(policy), limits)
+    if isinstance(policy, PolicySpec):
+        return policy.make
     if isinstance(policy, type):
-        policy = policy()
+        policy = _made(policy)
     if hasattr(policy, "act"):
         return lambda num_envs: policy if hasattr(policy, "reset") else _Function(policy.act)
     if hasattr(policy, "predict"):
@@ -61,6 +63,16 @@ def _imported(name: str) -> Any:
     except (AttributeError, ModuleNotFoundError) as error:
         raise ValueError(
             f"cannot be imported from this folder or the installed packages: {error}"
+        ) from error
+
+
+def _made(kind: type) -> Any:
+    """Return an object of a class."""
+    try:
+        return kind()
+    except TypeError as error:
+        raise TypeError(
+            f"give an object of {kind.__name__}: made without arguments, {error}"
         ) from error
 
 

@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import TypeAdapter, ValidationError
 
+from turning_env.extras import needed
 from turning_env.scoring import confinement
 from turning_env.scoring import sandbox_child as child
 from turning_env.scoring.onnx_session import check_actions
@@ -310,9 +311,9 @@ def load(path: Path, limits: Limits = LIMITS) -> PolicyFactory:
         AgentTimeoutError: an AgentFileError, if the network gives no answer in time.
         AgentFileError: says why the file is refused.
     """
-    require("onnxruntime")
     if not path.is_file():
         raise FileNotFoundError(ENOENT, "no such file", str(path))
+    require("onnxruntime")
     with path.open("rb") as stream:
         content = stream.read(MAX_BYTES + 1)
     try:
@@ -325,7 +326,11 @@ def load(path: Path, limits: Limits = LIMITS) -> PolicyFactory:
 
 
 def require(*packages: str) -> None:
-    """Raise ModuleNotFoundError if a package is missing that the process of a network needs."""
-    for name in packages:
-        if find_spec(name) is None:
-            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+    """Raise ModuleNotFoundError if a package is missing that the process of a network needs.
+
+    The message says how to install it.
+    """
+    with needed():
+        for name in packages:
+            if find_spec(name) is None:
+                raise ModuleNotFoundError(f"No module named {name!r}", name=name)

@@ -21,6 +21,7 @@ from turning_env.scenario.family import Family
 from turning_env.scoring.adapt import as_factory
 from turning_env.scoring.comparators import CAUSAL, comparators
 from turning_env.scoring.play import Episodes, play, play_family
+from turning_env.scoring.policy import PolicySpec
 from turning_env.scoring.sandbox import LIMITS, Limits
 from turning_env.scoring.seeds import MAX_SEEDS, held_out_seeds, tuning_seeds
 from turning_env.scoring.statistics import (
@@ -273,6 +274,7 @@ def score(
               -1..1, (num_envs, actions);
             * an object with ``reset(mask)`` and ``act(observations)``, see
               ``turning_env.scoring.policy.Policy``;
+            * a rule for one scenario, from ``baselines.catalogue.spec``;
             * a model of Stable-Baselines3, which acts deterministically; the ``VecNormalize`` of
               its environment, if it has one, normalises the observations;
             * a module of PyTorch, from observations to actions, or with an attribute
@@ -296,6 +298,12 @@ def score(
             or fewer seeds.
         AgentFileError: a ValueError, if an ONNX file is refused or exceeds a limit.
     """
+    if env_id == FAMILY_ID and isinstance(policy, PolicySpec):
+        raise TypeError(
+            f"the rule {policy.name} plays one scenario, but each job of a family is another: "
+            f"in a clone, python -m leaderboard run --env {FAMILY_ID} --policies {policy.name} "
+            "builds it for each job"
+        )
     if split not in get_args(Split):
         raise ValueError(f'split is {split!r}, but must be "held_out" or "validation"')
     validates = split == "validation"

@@ -234,9 +234,27 @@ def test_an_unknown_split_is_refused() -> None:
         score(full_feed, PAPER, split="train")  # type: ignore[arg-type]
 
 
+def test_a_rule_is_scored_by_its_spec() -> None:
+    rule = spec("constant_power_lead", Scenario.load("override"))
+    scored = score(rule, OVERRIDE, seeds=2)
+    shipped_result = named("constant_power_lead", shipped(OVERRIDE, 2))
+    np.testing.assert_allclose(scored.episodes["return"], shipped_result.returns[0], atol=0.01)
+
+
+def test_a_rule_for_one_scenario_is_refused_on_a_family() -> None:
+    rule = spec("predictive", Scenario())
+    with pytest.raises(TypeError, match="plays one scenario"):
+        score(rule, FAMILY_ID, seeds=2)
+
+
+class NeedsSize:
+    def __init__(self, num_envs: int) -> None: ...
+
+
 @pytest.mark.parametrize(
     ("policy", "error", "message"),
     [
+        pytest.param(NeedsSize, TypeError, "object of NeedsSize.*num_envs", id="a class"),
         pytest.param(3, TypeError, "int", id="a number"),
         pytest.param("missing.onnx", FileNotFoundError, "missing.onnx", id="a missing file"),
         pytest.param(str(ROOT / "README.md"), ValueError, "README.md", id="no network"),
