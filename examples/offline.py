@@ -36,7 +36,8 @@ from examples.shared import ENV_ID, at_least, run
 from turning_env import FAMILY_ID, IDS, Family, Scenario
 from turning_env.console import described, exits
 from turning_env.family_env import vector_env
-from turning_env.physics.quantities import OBS, layout
+from turning_env.physics.quantities import OBS, OBSERVATION, Entry, layout
+from turning_env.scenario.family import CONTEXT_LIMIT
 from turning_env.scoring.adapt import as_factory
 from turning_env.scoring.policy import Observations, PolicyFactory
 from turning_env.scoring.seeds import TUNING_START
@@ -238,12 +239,50 @@ def write(name: str, behaviour: str, buffers: list[EpisodeBuffer], root: Path, e
             "project",
         }
     )
-    episode_metadata = [
-        {"behaviour": policy_name, "return": float(sum(buffer.rewards))}
-        for policy_name, buffer in zip(cycle(policies), buffers, strict=False)
-    ]
-    dataset.storage.update_episode_metadata(episode_metadata)
-    data_card.write(root / name, dataset.storage.metadata, checksum(dataset))
+    episodes = []
+    for number, (policy_name, buffer) in enumerate(zip(cycle(policies), buffers, strict=False)):
+        episodes.append(
+            data_card.Episode(
+                episode=number,
+                seed=buffer.seed,
+                behaviour=policy_name,
+                steps=len(buffer.rewards),
+                total_reward=float(sum(buffer.rewards)),
+            )
+        )
+    dataset.storage.update_episode_metadata(
+        [{"behaviour": row.behaviour, "return": row.total_reward} for row in episodes]
+    )
+    data_card.write(
+        root / name,
+        dataset.storage.metadata,
+        checksum(dataset),
+        episodes=episodes,
+        observation=_observation_entries(source),
+        action_size=buffers[0].actions.shape[1],
+    )
+
+
+def _observation_entries(source: Scenario | Family) -> list[data_card.ObservationEntry]:
+    """Return the entries of the observations of a scenario or a family."""
+    scenario = source if isinstance(source, Scenario) else source.job(0).scenario
+    entries = [entry for entry in OBSERVATION if entry.present(scenario)]
+    if isinstance(source, Family):
+        meaning = "number of the nominal model, standardised"
+        for name in source.context_names:
+            entries.append(Entry(name, meaning, low=-CONTEXT_LIMIT, high=CONTEXT_LIMIT))
+    rows = []
+    for index, entry in enumerate(entries):
+        rows.append(
+            data_card.ObservationEntry(
+                index=index,
+                name=entry.name,
+                meaning=entry.meaning,
+                low=entry.low,
+                high=entry.high,
+            )
+        )
+    return rows
 
 
 def load(folder: Path) -> minari.MinariDataset:

@@ -1,8 +1,10 @@
 """Data sets can be played again, and are of seeds that nothing is scored or tuned on."""
 
+import csv
 import hashlib
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +16,7 @@ import minari
 from examples import publish
 from examples.offline import AGENTS, FIRST_SEED, checksum, load, main, policy, record
 from turning_env import RoughTurningEnv
+from turning_env.physics.quantities import layout
 from turning_env.scoring.seeds import TUNING_START
 
 NAME = "rough_turning-mixture-v0"
@@ -81,22 +84,74 @@ def test_minari_recovers_the_environment_and_episodes_play_again(
 
 @pytest.mark.slow
 def test_the_metadata_name_the_files_by_their_digests(folder: Path) -> None:
-    # ``mlcroissant validate`` checks the form (CONTRIBUTING.md).
     home = folder / NAME
     files = json.loads((home / "croissant.json").read_text("utf-8"))["distribution"]
     urls = {file["contentUrl"] for file in files}
-    assert urls == {"data/main_data.hdf5", "data/metadata.json"}
+    assert urls == {"data/main_data.hdf5", "data/metadata.json", "episodes.csv"}
     for file in files:
         content = (home / file["contentUrl"]).read_bytes()
         assert hashlib.sha256(content).hexdigest() == file["sha256"]
     assert checksum(load(home)) in (home / "README.md").read_text("utf-8")
 
 
+def record_sets(home: Path) -> dict[str, dict[str, Any]]:
+    """Return the record sets of a data set's metadata by name."""
+    croissant = json.loads((home / "croissant.json").read_text("utf-8"))
+    return {record_set["name"]: record_set for record_set in croissant["recordSet"]}
+
+
+@pytest.mark.slow
+def test_the_table_of_episodes_has_the_columns_that_the_metadata_describe(folder: Path) -> None:
+    home = folder / NAME
+    columns = [
+        field["source"]["extract"]["column"] for field in record_sets(home)["episodes"]["field"]
+    ]
+    with (home / "episodes.csv").open(newline="") as file:
+        table = csv.DictReader(file)
+        rows = list(table)
+    assert table.fieldnames == columns
+    dataset = load(home)
+    assert [int(row["steps"]) for row in rows] == [
+        len(episode) for episode in dataset.iterate_episodes()
+    ]
+    returns = [episode.rewards.sum() for episode in dataset.iterate_episodes()]
+    np.testing.assert_allclose([float(row["total_reward"]) for row in rows], returns)
+    assert [int(row["seed"]) for row in rows] == list(range(FIRST_SEED, FIRST_SEED + EPISODES))
+
+
+@pytest.mark.slow
+def test_the_metadata_describe_arrays_and_observations(folder: Path) -> None:
+    home = folder / NAME
+    tables = record_sets(home)
+    (episode,) = load(home).iterate_episodes([1])
+    for row in tables["arrays"]["data"]:
+        array = getattr(episode, row["arrays/name"])
+        assert array.dtype == row["arrays/dtype"]
+        sizes = row["arrays/shape"].replace("steps + 1", str(len(episode) + 1))
+        assert sizes.replace("steps", str(len(episode))) == ", ".join(map(str, array.shape))
+    entries = tables["observation"]["data"]
+    assert [row["observation/name"] for row in entries] == list(layout(RoughTurningEnv().scenario))
+    low = [row["observation/low"] for row in entries]
+    high = [row["observation/high"] for row in entries]
+    assert (low <= episode.observations).all()
+    assert (episode.observations <= high).all()
+
+
+@pytest.mark.slow
+def test_croissants_own_library_reads_the_metadata(folder: Path) -> None:
+    croissant = pytest.importorskip("mlcroissant")
+    dataset = croissant.Dataset(folder / NAME / "croissant.json")
+    assert not dataset.metadata.issues.errors
+    episodes = list(dataset.records("episodes"))
+    assert [row["episodes/episode"] for row in episodes] == list(range(EPISODES))
+    assert [row["observation/index"] for row in dataset.records("observation")]
+
+
 @pytest.mark.slow
 def test_a_data_set_is_published_with_its_cards(folder: Path) -> None:
     files = publish.repository(folder / NAME).files
     data = {"data/main_data.hdf5", "data/metadata.json"}
-    assert files.keys() == {"README.md", "croissant.json"} | data
+    assert files.keys() == {"README.md", "croissant.json", "episodes.csv"} | data
     # The folder of data sets is none itself.
     assert publish.main(["OWNER", str(folder)]) == 2
 
