@@ -8,17 +8,14 @@ import numpy as np
 from turning_control.core import Controller, Readings
 from turning_control.plant import Plant
 
-from baselines.grid_search import GridSearch
 from baselines.oracles.clairvoyant import Grid, bounds
 from baselines.oracles.perfect_blanks import play_blanks
 from baselines.oracles.perfect_load import PerfectLoad
-from baselines.oracles.perfect_state import PerfectState
-from baselines.predictive import Predictive
 from baselines.trivial import ConstantActions
+from baselines.warm_up import warm_up
 from research.studies import belief_bound
 from tests.turning_env.playing import changed
-from turning_env import FamilyVectorEnv, RoughTurningEnv, RoughTurningVectorEnv, Scenario
-from turning_env.action import commanded
+from turning_env import FamilyVectorEnv, RoughTurningEnv, Scenario
 from turning_env.numerics.functions import exp, expm1, log
 from turning_env.scoring.play import play
 from turning_env.scoring.seeds import tuning_seeds
@@ -30,20 +27,6 @@ def compile_functions() -> None:
         function(np.ones(1))
 
 
-def compile_rules(num_envs: int) -> None:
-    """Play one step of each search: at given loads, with a margin and filter, and with doubt."""
-    scenario = Scenario()
-    rules = (
-        GridSearch(scenario, num_envs),
-        GridSearch(scenario, num_envs, margin=1.0, smoothing=0.5),
-        Predictive(scenario, num_envs, severity=1.0, caution=1.0),
-    )
-    for rule in rules:
-        envs = RoughTurningVectorEnv(num_envs)
-        observations, _ = envs.reset(seed=0)
-        envs.step(rule.act(observations))
-
-
 def compile_families() -> None:
     """Play one step of a family."""
     envs = FamilyVectorEnv(2)
@@ -52,23 +35,16 @@ def compile_families() -> None:
 
 
 def compile_pictures() -> None:
-    """Draw a bar, and decode the actions of a policy that a picture shows."""
+    """Draw a bar."""
     env = RoughTurningEnv(render_mode="rgb_array")
     env.reset(seed=0)
     env.render()
-    ones = np.ones(1)
-    commanded(np.zeros((1, 2)), cutting_speed=ones, feed=ones, scenario=Scenario())
 
 
 def compile_bounds() -> None:
     """Compute the bounds of the oracles on coarse grids."""
     bounds(Scenario(), tuning_seeds(1), Grid(cell=10.0, lives=60, speeds=8))
     belief_bound.bound(Scenario(), seed=0, stretch=50.0, lives=10)
-    envs = RoughTurningVectorEnv(1)
-    observations, infos = envs.reset(seed=0)
-    oracle = PerfectState(Scenario(), 1)
-    oracle.tell(infos)
-    oracle.act(observations)
     override = Scenario.load("override")
     brief = changed(override, workpiece={"bar_length": 1.0, "depth_profile": []})
     play(lambda num_envs: PerfectLoad(brief, num_envs), brief, tuning_seeds(1), tell=True)
@@ -99,9 +75,7 @@ def compile_control() -> None:
 
 if __name__ == "__main__":
     compile_functions()
-    # One environment has functions of its own.
-    compile_rules(num_envs=1)
-    compile_rules(num_envs=2)
+    warm_up()
     compile_families()
     compile_pictures()
     compile_bounds()

@@ -169,7 +169,7 @@ def _score(options: argparse.Namespace) -> int:
 
 
 def _warm_up(_: argparse.Namespace) -> int:
-    """Compile everything that environments, batches, windows and readings of arrays call.
+    """Compile everything that environments, batches, rules, windows and readings of arrays call.
 
     It prints where the machine code is kept. Run it when you build a container image, or before you
     start many processes that cannot write to the folder: the package's own, or the user's cache
@@ -191,6 +191,9 @@ def _warm_up(_: argparse.Namespace) -> int:
     fields.warm_up()
     for function in (functions.exp, functions.expm1, functions.log):
         function(np.ones(1))
+    # Other packages, such as the rules, have compiled functions of their own.
+    for warm_up in provided("warm_ups"):
+        warm_up()
     files = (driver.__file__, fields.__file__, functions.__file__)
     sources = [Path(str(file)).parent for file in files]
     folders = [folder for folder in map(machine_code_folder, sources) if folder]

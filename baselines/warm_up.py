@@ -1,0 +1,35 @@
+"""Compile what rules and oracles call, for ``python -m turning_env warm-up``."""
+
+import numpy as np
+
+from baselines.grid_search import GridSearch
+from baselines.oracles.perfect_state import PerfectState
+from baselines.predictive import Predictive
+from turning_env.action import commanded
+from turning_env.scenario import Scenario
+from turning_env.vector_env import RoughTurningVectorEnv
+
+
+def warm_up() -> None:
+    """Play one step of each search, with one environment, which has functions of its own, and two.
+
+    The searches are at given loads, with a margin and a filter, with doubt, and at the true state.
+    """
+    scenario = Scenario()
+    for num_envs in (1, 2):
+        rules = (
+            GridSearch(scenario, num_envs),
+            GridSearch(scenario, num_envs, margin=1.0, smoothing=0.5),
+            Predictive(scenario, num_envs, severity=1.0, caution=1.0),
+        )
+        envs = RoughTurningVectorEnv(num_envs, scenario)
+        observations, infos = envs.reset(seed=0)
+        for rule in rules:
+            rule.act(observations)
+        oracle = PerfectState(scenario, num_envs)
+        oracle.tell(infos)
+        envs.step(oracle.act(observations))
+        envs.close()
+    # Of a policy that a picture shows, or that reads its own action.
+    ones = np.ones(1)
+    commanded(np.zeros((1, 2)), cutting_speed=ones, feed=ones, scenario=scenario)
