@@ -4,8 +4,6 @@ The figures are overload, broken edges and material removal rate. ``adversary.py
 policies that make them bad.
 """
 
-import sys
-import time
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 from gymnasium.vector import AutoresetMode
+from tqdm import tqdm
 from turning_control.shield import Settings, Shield
 
 from turning_env import IDS
@@ -25,7 +24,6 @@ from turning_env.scoring.seeds import held_out_seeds
 from turning_env.vector_env import RoughTurningVectorEnv, info_at_end_of_step
 
 SUMS = ("severe_overload_time", "engaged_time", "edges_broken", "removed", "time")
-PROGRESS_TIME = 10.0  # time between lines of progress [s]
 
 
 class Result(NamedTuple):
@@ -134,7 +132,7 @@ def play_guarded(
         policy: for ``len(seeds)`` environments.
         seeds: one per episode.
         settings: of the shield; None: the policy plays without it.
-        label: beginning of the line of progress, which goes to stderr every ten seconds.
+        label: name of the progress bar.
     """
     num_envs = len(seeds)
     env = RoughTurningVectorEnv(num_envs, scenario, AutoresetMode.SAME_STEP)
@@ -144,26 +142,26 @@ def play_guarded(
     policy.reset(np.ones(num_envs, np.bool_))
     played = Played(num_envs)
     running = np.ones(num_envs, np.bool_)
-    progress_shown = time.monotonic()
 
-    while running.any():
-        actions = policy.act(observations)
-        if isinstance(policy, Shield):
-            # The operator stops the machine, so the episode ends before the action.
-            played.takeovers += running & policy.takeover
-            running = running & ~policy.takeover
-            played.changed += running & (np.array(policy.reasons) != "passed")
-            played.decisions += running
-        observations, _, terminated, truncated, infos = env.step(actions)
-        for name in SUMS:
-            played.sums[name] += info_at_end_of_step(infos, name) * running
-        ended = terminated | truncated
-        policy.reset(ended)
-        running = running & ~ended
-        if time.monotonic() > progress_shown + PROGRESS_TIME:
-            progress_shown = time.monotonic()
-            progress = f"{label}: {num_envs - running.sum()} of {num_envs} episodes"
-            print(progress, file=sys.stderr, flush=True)
+    # miniters=0 redraws the bar while no episode ends; disable=None hides it without a terminal.
+    with tqdm(
+        total=num_envs, desc=label, unit="episode", miniters=0, leave=False, disable=None
+    ) as bar:
+        while running.any():
+            actions = policy.act(observations)
+            if isinstance(policy, Shield):
+                # The operator stops the machine, so the episode ends before the action.
+                played.takeovers += running & policy.takeover
+                running = running & ~policy.takeover
+                played.changed += running & (np.array(policy.reasons) != "passed")
+                played.decisions += running
+            observations, _, terminated, truncated, infos = env.step(actions)
+            for name in SUMS:
+                played.sums[name] += info_at_end_of_step(infos, name) * running
+            ended = terminated | truncated
+            policy.reset(ended)
+            running = running & ~ended
+            bar.update(num_envs - running.sum() - bar.n)
     return played
 
 
