@@ -1,9 +1,9 @@
-"""Build the wheel, install it into an empty virtual environment, and play every task there.
+"""Build the wheels, install them into an empty virtual environment, and play every task there.
 
 It compares all installed files with the hashes in packaging/constraints.txt. Presets must play as
 in the clone, bit for bit. The first Python also tries the oldest and the newest Gymnasium, each
-with Stable-Baselines3. Each Python takes a minute or two, mostly for compiling. The exit status is
-1 if anything fails.
+with Stable-Baselines3, and the commands of the shop. Each Python takes a minute or two, mostly for
+compiling. The exit status is 1 if anything fails.
 
     python -m tools.wheel
     python -m tools.wheel --python python3.12 python3.13
@@ -45,17 +45,28 @@ import numpy as np, turning_env
 policy = lambda observations: np.zeros((len(observations), 1))
 print(turning_env.score(policy, "RoughTurning-Override-v1", seeds=4))
 """
+SHOP_FILES = ("cuts.csv", "programs/flange.nc")
+"""Examples of the shop that its commands read."""
+SHOP_COMMANDS = (
+    "advise --material 42CrMo4 --tool CNMG120408-PM --grade P25 --stock 80x200 --depth 2 "
+    "--out start.toml",
+    "map start.toml --wear 0.2 --out map.png",
+    "program flange.nc --scenario start.toml --stock tube:120x20x32+5 --tool T0303=inside",
+    "calibrate cuts.csv --base start.toml --out my_tool.toml",
+    "advise my_tool.toml --seeds 0",
+)
+"""Commands of the shop (``shop/README.md``), in order."""
 
 
-def built(folder: Path) -> Path:
-    """Build the wheel into a folder and return its path.
+def built(folder: Path, project: Path = ROOT) -> Path:
+    """Build the wheel of a distribution into a folder without others and return its path.
 
     Raises:
         subprocess.CalledProcessError: it cannot be built.
     """
     subprocess.run(
         [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", folder],
-        cwd=ROOT,
+        cwd=project,
         check=True,
     )
     (wheel,) = folder.glob("*.whl")
@@ -68,63 +79,103 @@ def new_python(folder: Path, python: str = sys.executable) -> str:
     return str(folder / "venv" / ("Scripts" if os.name == "nt" else "bin") / "python")
 
 
-def digests(wheel: Path, constraints: str, python: str, gymnasiums: Sequence[str]) -> set[str]:
-    """Install the wheel for a Python, with pinned requirements; return the digests of plays.
+class Environment:
+    """A virtual environment, whose Python runs in an empty folder.
 
-    ``gymnasiums``: versions to play with, beside the pinned one.
+    Args:
+        folder: folder for both, and for files of requirements.
+        python: interpreter of which it is made.
+    """
+
+    def __init__(self, folder: Path, python: str) -> None:
+        self.folder = folder
+        self.empty = folder / "empty"
+        self.empty.mkdir()
+        self.python = new_python(folder, python)
+
+    def run(self, *words: str) -> None:
+        """Run Python with arguments."""
+        subprocess.run([self.python, *words], cwd=self.empty, check=True)
+
+    def install(self, *words: str) -> None:
+        """Run ``pip install`` with arguments."""
+        self.run("-m", "pip", "--disable-pip-version-check", "--quiet", "install", *words)
+
+    def install_pinned(self, wheel: Path, constraints: str) -> None:
+        """Install a wheel; compare all files with the hashes of the constraints."""
+        digest = sha256(wheel.read_bytes()).hexdigest()
+        texts = {
+            "pip.txt": _pip(constraints),  # an older pip ignores hashes in constraints
+            "wheel.txt": f"{wheel} --hash=sha256:{digest}\n",
+            "constraints.txt": constraints,
+        }
+        for name, text in texts.items():
+            (self.folder / name).write_text(text, "utf-8")
+        self.install("-r", str(self.folder / "pip.txt"))
+        constrained = ("--only-binary", ":all:", "-c", str(self.folder / "constraints.txt"))
+        self.install(*constrained, "-r", str(self.folder / "wheel.txt"))
+
+    def play(self) -> str:
+        """Play every task and return the digest of the trajectories."""
+        smoke = [self.python, "-I", "-W", "error", "-c", SMOKE, str(ROOT / "tools" / "smoke.py")]
+        finished = subprocess.run(
+            smoke, cwd=self.empty, check=True, stdout=subprocess.PIPE, text=True
+        )
+        print(finished.stdout, end="", flush=True)
+        return finished.stdout.rpartition(DIGEST)[2].strip()
+
+
+def digests(wheel: Path, constraints: str, python: str) -> set[str]:
+    """Install the wheel for a Python, with pinned requirements; return the digest of plays."""
+    with TemporaryDirectory() as name:
+        environment = Environment(Path(name), python)
+        return {_installed(environment, wheel, constraints)}
+
+
+def digests_with_others(
+    wheel: Path, shop: Path, constraints: str, python: str, gymnasiums: Sequence[str]
+) -> set[str]:
+    """Do as ``digests``, then try what is installed beside the wheel; return all digests.
+
+    Args:
+        wheel: of the benchmark.
+        shop: wheel of the shop.
+        constraints: pinned versions, with hashes.
+        python: interpreter.
+        gymnasiums: versions of Gymnasium to play with, beside the pinned one.
     """
     with TemporaryDirectory() as name:
-        folder, empty = Path(name), Path(name) / "empty"
-        empty.mkdir()
-        inside, found = new_python(folder, python), set()
-        requirements = {
-            "pip.txt": _pip(constraints),  # an older pip ignores hashes in constraints
-            "wheel.txt": f"{wheel} --hash=sha256:{sha256(wheel.read_bytes()).hexdigest()}\n",
-            "constraints.txt": constraints,
-            "others.txt": "\n".join(
-                re.findall(r"^(?!gymnasium=)[\w.-]+==[^\\\n]+", constraints, re.MULTILINE)
-            ),
-        }
-        for file, text in requirements.items():
-            (folder / file).write_text(text, "utf-8")
-
-        def run(*words: str) -> None:
-            subprocess.run([inside, *words], cwd=empty, check=True)
-
-        def install(*words: str) -> None:
-            run("-m", "pip", "--disable-pip-version-check", "--quiet", "install", *words)
-
-        def play() -> None:
-            smoke = [inside, "-I", "-W", "error", "-c", SMOKE, str(ROOT / "tools" / "smoke.py")]
-            said = subprocess.run(
-                smoke, cwd=empty, check=True, stdout=subprocess.PIPE, text=True
-            ).stdout
-            print(said, end="", flush=True)
-            found.add(said.rpartition(DIGEST)[2].strip())
-
-        install("-r", f"{folder / 'pip.txt'}")
-        install(
-            "--only-binary",
-            ":all:",
-            "-c",
-            f"{folder / 'constraints.txt'}",
-            "-r",
-            f"{folder / 'wheel.txt'}",
-        )
-        for command in ("-m pip list", "-m pip check", "-I -m turning_env presets"):
-            run(*command.split())
-        run("-I", "-c", SCORE)
-        play()
-        upgrade = ("--only-binary", ":all:", "-c", f"{folder / 'others.txt'}", "--upgrade")
+        environment = Environment(Path(name), python)
+        found = {_installed(environment, wheel, constraints)}
+        others = re.findall(r"^(?!gymnasium=)[\w.-]+==[^\\\n]+", constraints, re.MULTILINE)
+        pins = environment.folder / "others.txt"
+        pins.write_text("\n".join(others), "utf-8")
+        upgrade = ("--only-binary", ":all:", "-c", str(pins), "--upgrade")
         for version in gymnasiums:
             print(f"with {version}:", flush=True)
-            install(*upgrade, version)
-            play()
+            environment.install(*upgrade, version)
+            found.add(environment.play())
         for version in reversed(gymnasiums):  # the newest is installed
-            install(*upgrade, "--no-compile", version, "stable-baselines3")
-            run("-I", "-c", TRAIN)
+            environment.install(*upgrade, "--no-compile", version, "stable-baselines3")
+            environment.run("-I", "-c", TRAIN)
             print(f"Stable-Baselines3 with {version}: trained", flush=True)
+        # Its requirement, the benchmark's wheel, is installed.
+        environment.install("--only-binary", ":all:", "-c", str(pins), f"{shop}[programs]")
+        environment.run("-m", "pip", "check")
+        for path in SHOP_FILES:
+            shutil.copy(ROOT / "shop" / "examples" / path, environment.empty)
+        for command in SHOP_COMMANDS:
+            environment.run("-I", "-m", "turning_env", *command.split())
         return found
+
+
+def _installed(environment: Environment, wheel: Path, constraints: str) -> str:
+    """Install the wheel into an environment, try it there, and return the digest of plays."""
+    environment.install_pinned(wheel, constraints)
+    for command in ("-m pip list", "-m pip check", "-I -m turning_env presets"):
+        environment.run(*command.split())
+    environment.run("-I", "-c", SCORE)
+    return environment.play()
 
 
 def _pip(constraints: str) -> str:
@@ -156,16 +207,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if shutil.which(python) is None:
             raise ValueError(f"--python {python}: there is no such program")
     faults = []
-    with TemporaryDirectory() as folder:
-        expected, wheel = digest_of_plays(), built(Path(folder))
+    with TemporaryDirectory() as name:
+        expected, folder = digest_of_plays(), Path(name)
+        wheel = built(folder / "benchmark")
+        shop = built(folder / "shop", ROOT / "shop")
         for number, python in enumerate(parsed.python):
             try:
-                if digests(wheel, constraints, python, () if number else GYMNASIUMS) != {expected}:
-                    faults.append(
-                        f"{python}: the same actions give other numbers than in the clone"
-                    )
+                if number:
+                    found = digests(wheel, constraints, python)
+                else:
+                    found = digests_with_others(wheel, shop, constraints, python, GYMNASIUMS)
             except subprocess.CalledProcessError as error:
                 faults.append(f"{python}: {error.cmd[0]} ended with status {error.returncode}")
+                continue
+            if found != {expected}:
+                faults.append(f"{python}: the same actions give other numbers than in the clone")
     print(*faults, sep="\n", end="\n" if faults else "", file=sys.stderr)
     return 1 if faults else 0
 
