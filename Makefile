@@ -25,7 +25,7 @@ PYTEST = .venv/bin/pytest -n $(WORKERS) --dist worksteal $(if $(DURATIONS),--dur
 
 # Extras by set-up: `make leaderboard` and the like need the first, tests, examples and the site also the second.
 RUN_EXTRAS = benchmark
-TEST_EXTRAS = distributed render ecosystem docs programs opcua publish test
+TEST_EXTRAS = distributed render ecosystem docs programs opcua xlsx publish test
 PIP = .venv/bin/python -m pip --disable-pip-version-check
 UV = .venv/bin/uv pip install --quiet --python .venv/bin/python
 # Wheels only, compared with the hashes of packaging/constraints.txt. Torch comes from a folder of wheels if pip's settings name one with a build without

@@ -32,4 +32,4 @@ def warm_up() -> None:
         envs.close()
     # Of a policy that a picture shows, or that reads its own action.
     ones = np.ones(1)
-    commanded(np.zeros((1, 2)), cutting_speed=ones, feed=ones, scenario=scenario)
+    commanded(np.zeros((1, 2), np.float32), cutting_speed=ones, feed=ones, scenario=scenario)

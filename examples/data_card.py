@@ -106,7 +106,7 @@ class Episode(NamedTuple):
 class ObservationEntry(NamedTuple):
     """A row of the table of observation entries."""
 
-    index: int
+    place: int
     name: str
     meaning: str
     low: float
@@ -138,7 +138,7 @@ OBSERVATION = Table(
     "observation",
     "Entries of an observation, in order.",
     (
-        Column("index", "sc:Integer", "place in the observation, from 0"),
+        Column("place", "sc:Integer", "index in the observation, from 0"),
         Column("name", "sc:Text", "name of the entry"),
         Column("meaning", "sc:Text", "what it is, and its scale"),
         Column("low", "sc:Float", "lowest value"),

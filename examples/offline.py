@@ -272,10 +272,10 @@ def _observation_entries(source: Scenario | Family) -> list[data_card.Observatio
         for name in source.context_names:
             entries.append(Entry(name, meaning, low=-CONTEXT_LIMIT, high=CONTEXT_LIMIT))
     rows = []
-    for index, entry in enumerate(entries):
+    for place, entry in enumerate(entries):
         rows.append(
             data_card.ObservationEntry(
-                index=index,
+                place=place,
                 name=entry.name,
                 meaning=entry.meaning,
                 low=entry.low,

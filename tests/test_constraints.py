@@ -2,6 +2,7 @@
 
 import re
 import tomllib
+from importlib.metadata import packages_distributions
 
 from tests.walking import ROOT
 from tools.audit import pinned
@@ -13,6 +14,16 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
 SHOP = tomllib.loads((ROOT / "shop" / "pyproject.toml").read_text("utf-8"))
 
 HASHED_PIN = re.compile(r"^[\w.-]+==.*\\\n    --hash=sha256:[0-9a-f]{64}", re.MULTILINE)
+USED_BY_OTHERS = {
+    "onnxscript": "torch.onnx",
+    "tensorboard": "Stable-Baselines3, for its curves",
+    "h5py": "Minari, for its files",
+    "dask": "distributed, its scheduler",
+    "rl-zoo3": "its own commands (docs/ecosystem.md)",
+}
+"""Distributions of extras that no module of the project imports, and what does."""
+OF_THE_CLONE = {"peers", "docs", "test"}
+"""Extras of tools, whose packages are commands."""
 ON_OTHER_PLATFORMS = {"colorama", "triton"}
 
 
@@ -51,3 +62,22 @@ def test_conda_gets_the_same_requirements() -> None:
         text = (ROOT / file).read_text("utf-8").replace(" ", "")
         for need in needs:
             assert f"-{need}\n" in text, (file, need)
+
+
+def test_every_package_of_an_extra_is_imported() -> None:
+    sources = []
+    for folder in ("turning_env", "baselines", "train", "leaderboard", "research", "examples"):
+        sources += (ROOT / folder).rglob("*.py")
+    for package in SHOP["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"]:
+        sources += (ROOT / "shop" / package).rglob("*.py")
+    code = "\n".join(path.read_text("utf-8") for path in sources)
+    imported = set(re.findall(r"^ *(?:from|import) (\w+)", code, re.MULTILINE))
+    imported |= set(re.findall(r'import_module\("(\w+)', code))
+    modules = packages_distributions()
+    used = {name for module in imported for name in modules.get(module, [])}
+    used = {name.lower().replace("_", "-") for name in used}
+    for project in (PROJECT, SHOP):
+        for extra, needs in project["project"]["optional-dependencies"].items():
+            if extra not in OF_THE_CLONE:
+                unused = {distribution_of(need) for need in needs} - used - USED_BY_OTHERS.keys()
+                assert not unused, extra

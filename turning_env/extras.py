@@ -15,6 +15,7 @@ EXTRAS = {
     "'rough-turning[onnx]'": ("onnxruntime",),
     "'rough-turning[ecosystem]'": ("h5py", "minari", "moviepy", "rl_zoo3", "torchrl"),
     "-e '.[benchmark]' in a clone": (
+        "cmaes",
         "jinja2",
         "joblib",
         "matplotlib",
@@ -23,12 +24,11 @@ EXTRAS = {
         "optuna",
         "sb3_contrib",
         "scipy",
-        "sqlalchemy",
         "tensorboard",
         "torch",
         "tqdm",
     ),
-    "-e '.[distributed]' in a clone": ("dask", "distributed", "psutil"),
+    "-e '.[distributed]' in a clone": ("dask", "distributed"),
     "-e '.[publish]' in a clone": ("huggingface_hub",),
 }
 """Arguments of ``pip install``, and the import names of the packages that it brings.
@@ -40,7 +40,8 @@ Other distributions add theirs by entry points of the group ``turning_env.extras
 def provided(group: str) -> list[Any]:
     """Return the objects of installed packages for a group of entry points.
 
-    Groups: ``commands`` and ``extras``. ModuleNotFoundError if an optional package is missing.
+    Groups: ``commands``, ``extras`` and ``warm_ups``. ModuleNotFoundError if an optional package is
+    missing.
     """
     objects = []
     for entry in entry_points(group=f"turning_env.{group}"):

@@ -1,8 +1,9 @@
 """Optional packages of the shop: what installs them, for the message when one is missing."""
 
 EXTRAS = {
-    "rough-turning-shop": ("matplotlib", "openpyxl", "scipy"),
+    "rough-turning-shop": ("matplotlib", "scipy", "tqdm"),
     "'rough-turning-shop[programs]'": ("ezdxf", "shapely"),
     "'rough-turning-shop[opcua]'": ("asyncua",),
+    "'rough-turning-shop[xlsx]'": ("openpyxl",),
 }
 """Arguments of ``pip install``, and the import names of the packages that it brings."""

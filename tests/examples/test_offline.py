@@ -144,7 +144,7 @@ def test_croissants_own_library_reads_the_metadata(folder: Path) -> None:
     assert not dataset.metadata.issues.errors
     episodes = list(dataset.records("episodes"))
     assert [row["episodes/episode"] for row in episodes] == list(range(EPISODES))
-    assert [row["observation/index"] for row in dataset.records("observation")]
+    assert [row["observation/place"] for row in dataset.records("observation")]
 
 
 @pytest.mark.slow
