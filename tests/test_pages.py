@@ -57,7 +57,6 @@ SMALLER = {
         {"rough_turning": "short.toml", "my_tool.toml": "short.toml", "--shipped": "--quick"},
     ),
     "python -m leaderboard run --policies steady_load": Smaller("--scenario short.toml"),
-    "python -m leaderboard run --policies grid_search": Smaller("--scenario short.toml"),
     "python -m leaderboard run --policy my_module": Smaller(
         "--policies fixed_tuned --scenario short.toml"
     ),
