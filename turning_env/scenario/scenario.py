@@ -217,7 +217,7 @@ class Scenario(Section, DerivedQuantities):
             try:
                 self.nominal()
             except ValidationError as error:
-                faults = [f"nominal_model.{fault}" for fault in complaints_of(error)]
+                faults = [f"nominal_model: {fault}" for fault in complaints_of(error)]
         if faults:
             raise ValueError("; ".join(faults))
         return self
@@ -529,13 +529,13 @@ def _advice_on_comma(content: bytes) -> str:
 
 
 def complaints_of(error: ValidationError) -> Iterator[str]:
-    """Yield the fault of each field."""
+    """Yield the fault of each field, and those of the whole."""
     for detail in error.errors():
-        field = ".".join(str(part) for part in detail["loc"]) or "scenario"
+        field = ".".join(str(part) for part in detail["loc"])
         message = detail["msg"].removeprefix("Value error, ")
         if detail["type"] not in ("value_error", "missing"):
             message = f"{_shown(detail['input'])} is not allowed: {message}"
-        yield f"{field}: {message}"
+        yield f"{field}: {message}" if field else message
 
 
 def _shown(value: Any) -> str:
