@@ -42,7 +42,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
     """Adapt links between docs/ and shop/docs/, as the latter is the folder shop/ of the site."""
     if page.file.src_uri.startswith("shop/"):
-        return markdown.replace("](../../docs/", "](../")
+        return markdown.replace("](../../docs/", "](../").replace("](../README.md", "](index.md")
     return re.sub(r"\]\(\.\./((?:\.\./)*)shop/docs/", r"](\1shop/", markdown)
 
 

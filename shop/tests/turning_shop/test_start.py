@@ -330,12 +330,13 @@ def test_missing_and_contradicting_options_are_named(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["docs/start_values.md", "README.md"])
-def test_the_page_works_as_printed(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+def test_the_readme_and_the_page_behind_it_work_as_printed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     pytest.importorskip("shapely")
-    page = (ROOT / "shop" / name).read_text("utf-8")
+    page = ""
+    for name in ("README.md", "docs/start_values.md"):
+        page += (ROOT / "shop" / name).read_text("utf-8")
     shutil.copytree(ROOT / "shop" / "examples", tmp_path / "shop" / "examples")
     monkeypatch.chdir(tmp_path)
     for block in blocks(page):
