@@ -125,13 +125,13 @@ types: .venv/test
 	.venv/bin/mypy
 
 # The fast tests.
-fast: .venv/test
-	.venv/bin/python -m tests.compile
+fast: .venv/test .venv/compiled
 	$(PYTEST) -m "not slow"
 
-# Lint, types and all tests.
-test: .venv/test lint
-	.venv/bin/python -m tests.compile & compiling=$$!; .venv/bin/mypy && wait $$compiling
+# Lint, types and all tests. A slow test often waits for a process, so three workers keep two cores busy.
+test: WORKERS = 3
+test: .venv/test
+	@$(MAKE) --no-print-directory --jobs 2 --output-sync=target lint types .venv/compiled
 	$(PYTEST)
 
 # Install what tests need beside Python: Chromium and LinuxCNC, from Debian. Without them `make test` leaves tests out, and says so at its end.
@@ -212,5 +212,10 @@ clean:
 .venv/test: .venv/run
 	$(call install,$(TEST_EXTRAS))
 	.venv/bin/python -m compileall -q -j 2 .venv/lib > .venv/bytecode.txt 2>&1 || true
-	(.venv/bin/mypy > .venv/types.txt || true) & .venv/bin/python -m tests.compile && wait
+	(.venv/bin/mypy > .venv/types.txt || true) & .venv/bin/python -m tests.compile && touch .venv/compiled && wait
+	touch $@
+
+# Machine code of what the tests play, which a change of any source may change.
+.venv/compiled: $(shell find turning_env baselines train leaderboard research shop tests -name '*.py') | .venv/test
+	.venv/bin/python -m tests.compile
 	touch $@

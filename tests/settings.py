@@ -55,10 +55,16 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     items.sort(key=lambda item: not item.nodeid.startswith(LONGEST))
 
 
+def pytest_collectstart() -> None:
+    """Collect no garbage while tests are imported: a fifth of that time, for next to nothing."""
+    gc.disable()
+
+
 def pytest_collection_finish() -> None:
     """Leave what was imported out of garbage collections, which visit a million objects else."""
     gc.collect()
     gc.freeze()
+    gc.enable()
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:

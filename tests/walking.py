@@ -15,9 +15,21 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
+from tests import preloaded
+
 ROOT = Path(__file__).parents[1]
 MAX_SECONDS = 110.0
 """Time limit of a process [s]: pytest-timeout ends a test after 120 s."""
+INSTALLING_NOTHING = (
+    "--old-file=.venv/run",
+    "--old-file=.venv/test",
+    "PIP=false",
+    "UV=false",
+)
+"""Words that keep ``make`` from installing a copy in the environment that it shares.
+
+The environment counts as set up, however new the copy's requirements are.
+"""
 LONG = "# minutes to hours"
 """First line of a block whose commands take too long for a test.
 
@@ -93,11 +105,15 @@ def small(command: str, smaller: Mapping[str, Smaller]) -> list[str]:
             words = [change.replaced.get(word, word) for word in words]
     if words[0] == "python":
         words[0] = sys.executable
+    elif words[0] == "make":
+        words += INSTALLING_NOTHING
     return words
 
 
 def run(words: list[str], folder: Path) -> "subprocess.CompletedProcess[str]":
     """Run a command in a folder; ``check`` looks at how it ended."""
+    if preloaded.is_served(words):
+        return preloaded.run(words, folder, MAX_SECONDS)
     return subprocess.run(
         words, cwd=folder, capture_output=True, text=True, timeout=MAX_SECONDS, check=False
     )
@@ -111,9 +127,11 @@ def walk(
 ) -> tuple[str, ...]:
     """Do in a copy what a page says; return the commands that were run.
 
-    Commands that start like one in ``done`` are not run again.
+    Commands that start like one in ``done`` are not run again. A block of text shows what the
+    program above it prints.
     """
     ran = []
+    printed = ""
     for block in blocks(page):
         if block.title is not None:
             write_or_change(folder / block.title, block)
@@ -124,7 +142,11 @@ def walk(
                     ran.append(command)
         elif block.language == "python":
             program = [sys.executable, "-W", "error", "-c", block.text]
-            check(run(program, folder), block.text)
+            finished = run(program, folder)
+            check(finished, block.text)
+            printed = finished.stdout
+        elif block.language == "text":
+            assert block.text == printed
     return tuple(ran)
 
 

@@ -23,6 +23,7 @@ def test_it_learns() -> None:
     assert mean_return(trained) > mean_return(untrained) + 500
 
 
+@pytest.mark.slow
 def test_the_command_says_what_it_reaches(capsys: pytest.CaptureFixture[str]) -> None:
     small = "--total-timesteps 1 --num-envs 2 --n-steps 8 --tuning-seeds 1"
     assert main(small.split()) == 0

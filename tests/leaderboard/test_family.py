@@ -289,6 +289,7 @@ def test_a_policy_that_travels_to_another_process_plays_alike(name: str) -> None
         assert values.tolist() == played[field].tolist(), field
 
 
+@pytest.mark.slow
 def test_private_jobs_are_others_and_no_result_tells_them(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

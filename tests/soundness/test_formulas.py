@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
@@ -82,6 +83,7 @@ def value_of(formula: Any, variables: dict[str, Any]) -> Any:
     return None
 
 
+@pytest.mark.slow
 @tried(short=250, soak=60_000)
 @example("minimum(1.0, speed, speed)")
 @example("1/0")

@@ -118,6 +118,7 @@ def expected() -> Score:
     return score(full_feed, PAPER, seeds=4)
 
 
+@pytest.mark.slow
 def test_the_files_in_the_package_hold_the_results_that_ship() -> None:
     expected = contents(ROOT / "leaderboard" / "results")
     assert {path.name for path in FOLDER.iterdir()} == {path.name for path in expected}
