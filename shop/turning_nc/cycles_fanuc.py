@@ -60,7 +60,10 @@ def run_cycle(control: Control, block: Block, code: int) -> int:
     elif code == 70 or not line.first("U", "W", "D", "R"):
         hint = ""
         if code in (70, 71):
-            hint = f"; in SINUMERIK programs G{code} is a unit: --dialect sinumerik"
+            hint = (
+                f"; in SINUMERIK programs, and in G code system C, G{code} is a unit: "
+                "--dialect sinumerik or fanuc-c"
+            )
         raise BlockError(f"G{code} needs the first and last block of the contour: P and Q{hint}")
     elif code == 73:
         _set_repeating(control, line)
