@@ -15,7 +15,13 @@ from typing import NamedTuple
 import numpy as np
 from turning_shop import Values, WorkshopError, aligned
 from turning_shop.advise import Plan, Prices, money, part_volume
-from turning_shop.allowed import NO_STRENGTH, feed_range
+from turning_shop.allowed import (
+    NO_STRENGTH,
+    allowed_loads,
+    bending,
+    feed_range,
+    with_bending_as_limit,
+)
 from turning_shop.provenance import BARS_VARY, assumed_in_simulation
 from turning_shop.units import METRIC, Units
 
@@ -224,6 +230,12 @@ def _assumptions(scenario: Scenario) -> Iterator[str]:
     else:
         breaks = "edges do not break by force"
     yield f"{bars}; {wear}; {breaks}"
+    allowed = allowed_loads(scenario)
+    if allowed.by_deflection:
+        yield (
+            f"{bending(scenario)} at {allowed.thrust_force:.0f} N: that limits the thrust force "
+            "of every control in the simulation"
+        )
     assumed = assumed_in_simulation(scenario)
     if assumed:
         yield f"assumed for the simulation, as your files do not state them: {', '.join(assumed)}"
@@ -269,7 +281,7 @@ def _for_one_edge(
     and edges cost.
     """
     prices = Prices.of(scenario)
-    values = scenario.model_dump()
+    values = with_bending_as_limit(scenario).model_dump()
     control = values["control"]
     control["action"] = action
     control["edge_changes"] = "end"

@@ -250,6 +250,27 @@ def without_bending(scenario: Scenario) -> Scenario:
     return scenario.model_copy(update={"workpiece": work, "tool": tool})
 
 
+def with_bending_as_limit(scenario: Scenario) -> Scenario:
+    """Return a scenario whose limit of the thrust force allows the force that bends bar and tool.
+
+    It is for the simulation, whose controllers know limits of load alone. The scenario is unchanged
+    if bending does not bind. If bars vary, the limit is as far above the allowed force as for other
+    limits.
+    """
+    allowed = allowed_loads(scenario)
+    if not allowed.by_deflection:
+        return scenario
+    limited = _with_thrust_limit(scenario, allowed.thrust_force)
+    factors = allowed_loads(without_bending(limited)).overload_factors
+    return _with_thrust_limit(scenario, allowed.thrust_force / factors["thrust_force"])
+
+
+def _with_thrust_limit(scenario: Scenario, force: float) -> Scenario:
+    """Return a scenario with another limit of the thrust force [N]."""
+    limits = scenario.limits.model_copy(update={"thrust_force": force})
+    return scenario.model_copy(update={"limits": limits})
+
+
 def limited_by_strength(scenario: Scenario) -> tuple[Scenario, str]:
     """Return a scenario that limits the thrust force by its edges' strength, and a note on it.
 
@@ -260,13 +281,12 @@ def limited_by_strength(scenario: Scenario) -> tuple[Scenario, str]:
     allowed = allowed_loads(without_bending(scenario))
     if scenario.file is None or not allowed.by_strength:
         return scenario, ""
-    limits = scenario.limits.model_copy(update={"thrust_force": allowed.thrust_force})
     strength = f"half of the edges break at {scenario.tool.edge_strength:g} N, tool.edge_strength"
     note = (
         f"the thrust force is limited to {allowed.thrust_force:.0f} N: "
         f"{strength}, and bars and edges vary"
     )
-    return scenario.model_copy(update={"limits": limits}), note
+    return _with_thrust_limit(scenario, allowed.thrust_force), note
 
 
 def limited_by_bending(scenario: Scenario, diameter: float, length: float) -> tuple[Scenario, str]:
@@ -284,14 +304,13 @@ def limited_by_bending(scenario: Scenario, diameter: float, length: float) -> tu
     force = bending_force(scenario, diameter=diameter, length=overhang or length)
     if scenario.file is None or force >= scenario.limits.thrust_force:
         return scenario, ""
-    limits = scenario.limits.model_copy(update={"thrust_force": force})
     note = f"the thrust force is limited to {force:.0f} N, at which {bending(scenario)}: "
     note += bending_fields(scenario)
     if scenario.workpiece.support != "rigid":
         assumed = "" if overhang else ", its whole length (assumption: workpiece.overhang)"
         note += f"; the bar has {diameter:g} mm diameter and is free over "
         note += f"{overhang or length:g} mm{assumed}"
-    return scenario.model_copy(update={"limits": limits}), note
+    return _with_thrust_limit(scenario, force), note
 
 
 def load_spread(scenario: Scenario, name: str) -> float:

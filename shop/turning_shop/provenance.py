@@ -430,8 +430,8 @@ def _left_to_advice(stated: set[str]) -> Iterator[str]:
     names = [name for name in ("workpiece.overhang", "tool.overhang") if name in stated]
     if names:
         yield (
-            f"only the advice knows {', '.join(names)}: the simulation bends the bar over "
-            "workpiece.bar_length, and no tool"
+            f"the simulation knows {', '.join(names)} as a limit of the thrust force alone: it "
+            "bends the bar over workpiece.bar_length, and no tool"
         )
 
 

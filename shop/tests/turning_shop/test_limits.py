@@ -7,12 +7,14 @@ import numpy as np
 import pytest
 from turning_shop import WorkshopError
 from turning_shop.advise import MIN_COST, advise, best_plan, headline, tried_plans
+from turning_shop.advise_play import clocked
 from turning_shop.allowed import (
     MAX_DEFLECTION,
     allowed_loads,
     feed_range,
     limited_by_strength,
     theoretical_roughness,
+    without_bending,
 )
 from turning_shop.plots import draw_map
 from turning_shop.prediction import Evidence
@@ -129,7 +131,21 @@ def test_assumed_and_long_overhangs_are_said(slender: Scenario) -> None:
     warnings = "\n".join(load("stated.toml")[1].warnings)
     assert "taken as free" not in warnings
     assert "tool.overhang is 5.2 diameters" in warnings
-    assert "the simulation bends the bar over workpiece.bar_length" in warnings
+    assert "it bends the bar over workpiece.bar_length, and no tool" in warnings
+
+
+def test_bending_limits_the_thrust_force_in_the_simulation(slender: Scenario) -> None:
+    best = best_plan(slender, Evidence(), tried_plans(slender, Evidence()), aim=MIN_COST)
+    assert best
+    force = allowed_loads(slender).thrust_force
+    assert clocked(slender, best).limits.thrust_force == pytest.approx(force)
+
+    # Bars that vary keep the limit for the allowed share of the time, as they keep others.
+    varied = with_fields(slender, "workpiece", depth_along_spread=1.0)
+    played = clocked(varied, best)
+    assert played.limits.thrust_force > 1.02 * force
+    factor = allowed_loads(without_bending(played)).overload_factors["thrust_force"]
+    assert factor * played.limits.thrust_force == pytest.approx(force)
 
 
 def test_an_overhang_of_the_tool_binds_the_advice_and_is_named(slender: Scenario) -> None:
