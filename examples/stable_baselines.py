@@ -20,6 +20,7 @@ from sb3_contrib import TQC, RecurrentPPO
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.vec_env import VecEnv
+from tqdm import tqdm
 
 from examples.shared import at_least, parser, run, score
 from turning_env import IDS
@@ -118,7 +119,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     model = new_model(
         options.algorithm, env, seed=options.seed, rollout=options.rollout, gamma=options.gamma
     )
-    model.learn(options.total_timesteps, progress_bar=sys.stderr.isatty())
+    with tqdm(total=options.total_timesteps, unit="step", unit_scale=True, disable=None) as bar:
+
+        def on_step(_locals: dict[str, Any], _globals: dict[str, Any]) -> bool:
+            bar.update(model.num_timesteps - bar.n)
+            return True
+
+        # Its own bar would need rich.
+        model.learn(options.total_timesteps, callback=on_step)
     env.close()
     result = score(model, options.tuning_seeds, options.env)
     print(f"{options.algorithm} after {model.num_timesteps} steps: {result}")

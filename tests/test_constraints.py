@@ -58,10 +58,31 @@ def test_every_pin_has_a_hash() -> None:
 def test_conda_gets_the_same_requirements() -> None:
     needs = PROJECT["project"]["dependencies"]
     assert needs
-    for file in ("packaging/environment.yml", "packaging/recipe.yaml"):
+    # Conda's Matplotlib without a window is called matplotlib-base.
+    shop_needs = [
+        need.replace("matplotlib", "matplotlib-base")
+        for need in SHOP["project"]["dependencies"]
+        if not need.startswith("rough-turning")
+    ]
+    assert shop_needs
+    files = {
+        "packaging/environment.yml": needs + shop_needs,
+        "packaging/recipe.yaml": needs,
+    }
+    for file, file_needs in files.items():
         text = (ROOT / file).read_text("utf-8").replace(" ", "")
-        for need in needs:
+        for need in file_needs:
             assert f"-{need}\n" in text, (file, need)
+
+
+def test_all_files_state_the_same_version() -> None:
+    version = PROJECT["project"]["version"]
+    assert SHOP["project"]["version"] == version
+    assert f"rough-turning=={version}" in SHOP["project"]["dependencies"]
+    recipe = (ROOT / "packaging" / "recipe.yaml").read_text("utf-8")
+    assert f'  version: "{version}"\n' in recipe
+    citation = (ROOT / "CITATION.cff").read_text("utf-8")
+    assert f"\nversion: {version}\n" in citation
 
 
 def test_every_package_of_an_extra_is_imported() -> None:
