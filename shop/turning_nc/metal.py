@@ -182,7 +182,9 @@ def overlaps(polygons: NDArray[Any], whole: Any) -> Values:
     pieces = np.array(list(divided(whole)), dtype=object)
     near, piece = shapely.STRtree(pieces).query(polygons)
     common = shapely.intersection(polygons[near], pieces[piece])
-    return np.bincount(near, shapely.area(common), minlength=len(polygons))
+    areas = np.zeros(len(polygons))
+    np.add.at(areas, near, shapely.area(common))
+    return areas
 
 
 def divided(polygon: Any) -> Iterator[Any]:
