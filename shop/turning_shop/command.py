@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from turning_shop import WorkshopError, refuse_existing, tables, tool_command, whatif
-from turning_shop.headers import COLUMNS, EDGE, is_unit_of, named_column
+from turning_shop.headers import COLUMNS, EDGE, is_unit_of, named_column, units_of
 from turning_shop.measurements import Measurements, read_measurements
 from turning_shop.units import SYSTEMS, Units, add_units
 
@@ -189,8 +189,12 @@ def _units(text: str) -> dict[str, str]:
     """Return the units of columns, as an argparse type."""
     pairs = _pairs(text, "wear=um")
     for column, unit in pairs.items():
-        if column not in COLUMNS or not is_unit_of(unit, column):
-            raise argparse.ArgumentTypeError(f"{column} is not measured in {unit!r}")
+        if column not in COLUMNS:
+            raise argparse.ArgumentTypeError(f"{column} has no unit")
+        if not is_unit_of(unit, column):
+            raise argparse.ArgumentTypeError(
+                f"{column} is not measured in {unit!r}, but in {', '.join(units_of(column))}"
+            )
     return pairs
 
 

@@ -396,6 +396,11 @@ def is_unit_of(unit: str, column: str) -> bool:
     return _unit(unit) in _sizes(COLUMNS[column].unit)
 
 
+def units_of(column: str) -> list[str]:
+    """Return the units in which a column may be."""
+    return list(_sizes(COLUMNS[column].unit))
+
+
 def named_column(name: str) -> str | None:
     """Return the column that a name or symbol means, as Fc; None if there is none."""
     return name if name in COLUMNS or name == EDGE else _column(name)

@@ -180,10 +180,10 @@ def _what_is_near(plain: str) -> str:
         names = [name for name in GROUPS if name[0] == plain[0]]
         return f"the groups of VDI 3323 with this letter are {', '.join(names)}"
     near = nearest(plain, _BY_NAME)
-    meant = f"did you mean {near}? " if near else ""
+    meant = f"did you mean {near}? Or give" if near else "give"
     return (
-        f"this material is not in the table; {meant}"
-        "Or give its group of VDI 3323, as in catalogues of inserts: P1 to P13 steel, M14 "
+        f"this material is not in the table; {meant} "
+        "its group of VDI 3323, as in catalogues of inserts: P1 to P13 steel, M14 "
         "austenitic stainless, K15 to K20 cast iron, N21 to N28 aluminium and copper, S31 to S37 "
         "heat-resistant alloys and titanium"
     )
