@@ -298,7 +298,8 @@ def score(
             or fewer seeds.
         AgentFileError: a ValueError, if an ONNX file is refused or exceeds a limit.
     """
-    if env_id == FAMILY_ID and isinstance(policy, PolicySpec):
+    is_rule = isinstance(policy, PolicySpec) and policy.kind != "agent"
+    if env_id == FAMILY_ID and is_rule:
         raise TypeError(
             f"the rule {policy.name} plays one scenario, but each job of a family is another: "
             f"in a clone, python -m leaderboard run --env {FAMILY_ID} --policies {policy.name} "
