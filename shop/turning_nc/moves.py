@@ -208,6 +208,10 @@ class ProgramControl(Control):
         """Run a line; return the index of the next."""
         if block.line.flow is not None:
             follows = self._after_flow(block.line.flow, block)
+            # A program that is refused need not repeat its loops, which may not end now.
+            repeats = follows is not None and follows <= block.index
+            if repeats and self.problems and not self.go_on:
+                return block.index + 1
             if follows is not None:
                 return follows
         return self._run_block(block)

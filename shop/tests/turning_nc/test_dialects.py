@@ -582,6 +582,12 @@ def test_what_is_not_run_is_noted(text: str, note: str) -> None:
     assert any(note in said for said in moves(text).notes)
 
 
+def test_a_word_that_keeps_a_loop_from_its_end_is_named() -> None:
+    loop = f"{BAR}#1=3\nN5 G1 U-1. F0.2\n#1=#1-1 E1\nIF [#1 GT 0] GOTO 5\nG1 Y5.\n"
+    with pytest.raises(NcError, match=r"(?s)line 6: .*line 8: the address Y"):
+        moves(loop)
+
+
 def test_one_offset_and_comments_behind_blocks_need_no_note() -> None:
     made = moves(f"G55\n{BAR}G1 X56. F0.2 ; FINISH X\n; G1 Z-90.\n{CUT}")
     assert not any("offset" in note or "block" in note for note in made.notes)
