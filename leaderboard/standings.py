@@ -7,6 +7,7 @@ ranked together is the matter of ``leaderboard.ranking``.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -297,10 +298,19 @@ class _Played:
         if with_overload:
             # The reward of overload is negative, in seconds.
             minutes = minutes - self.episodes["reward_overload"] / 60.0
-        volume = self.episodes["removed"] / 1000.0  # cm3 to dm3
         minutes_replicates = self.bootstrap.means(minutes, self.name)
-        volume_replicates = self.bootstrap.means(volume, self.name)
-        return Mean(_share(minutes, volume), ratio(minutes_replicates, volume_replicates))
+        cost = _share(minutes, self.volume)
+        return Mean(cost, ratio(minutes_replicates, self.volume_replicates))
+
+    @cached_property
+    def volume(self) -> Floats:
+        """The metal that each episode removed [dm3], shape (training seeds, seeds)."""
+        return np.asarray(self.episodes["removed"] / 1000.0)  # cm3 to dm3
+
+    @cached_property
+    def volume_replicates(self) -> Floats:
+        """The replicates of its mean, shape (resamples,)."""
+        return self.bootstrap.means(self.volume, self.name)
 
     def excess_shares(self) -> ExcessShares | None:
         """Return the shares of cutting time over a limit; None if a result lacks them."""

@@ -30,8 +30,7 @@ KEY = 709  # fixed, so that the same episodes give the same limit
 MAX_DECIMALS = 2
 _PLACE = np.uint16  # of a value among others, as long as there are few
 _LONG_ROW = 512  # values, from which a radix sort is faster
-_CHUNK = 100  # resamples that are computed together: their values fit into a processor's cache
-_CHUNKS = [slice(first, first + _CHUNK) for first in range(0, RESAMPLES, _CHUNK)]
+_CHUNK = 128_000  # values that are resampled together: they fit into a processor's cache
 _MIN_WIDTH = 1e-6  # of an interval; a narrower one is only the rounding of sums
 
 
@@ -155,7 +154,7 @@ class Bootstrap:
         if small and values.size >= _LONG_ROW:
             method = "stable"
         means = np.empty(RESAMPLES)
-        for chunk in _CHUNKS:
+        for chunk in _chunks(values.size):
             # Of the flat array, which takes less time than rows and columns do. All places exist:
             # "clip" saves their check.
             picks = rows[chunk] * num_seeds + columns[chunk]
@@ -174,7 +173,7 @@ class Bootstrap:
         training_seed, seed = np.divmod(order, values.shape[1])
         num_above = np.searchsorted(-values.ravel()[order], -levels, side="left")
         shares = np.empty((len(levels), RESAMPLES))
-        for chunk in _CHUNKS:
+        for chunk in _chunks(values.size):
             weights = (
                 training_weights[chunk][:, training_seed] * self._seeds.weights[chunk][:, seed]
             )
@@ -302,6 +301,12 @@ def _middle(ascending: NDArray[Any]) -> NDArray[Any]:
     count = ascending.shape[-1]
     cut = count // 4
     return ascending[..., cut : count - cut]
+
+
+def _chunks(count: int) -> list[slice]:
+    """Return the resamples of ``count`` values in chunks."""
+    rows = max(_CHUNK // count, 1)
+    return [slice(first, first + rows) for first in range(0, RESAMPLES, rows)]
 
 
 class _Resamples:
