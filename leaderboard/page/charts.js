@@ -90,6 +90,14 @@ function followPointer(charts) {
   }
 }
 
+// The steps before which the machine stood, for a new edge or after a breakage: no line leads across.
+const LONG_STOP = 20; // over the usual time between two steps that are kept
+function stopsOf(minutes) {
+  const gaps = minutes.map((value, place) => value - (minutes[place - 1] ?? 0));
+  const usual = [...gaps].sort((a, b) => a - b)[Math.floor(gaps.length / 2)];
+  return new Set(gaps.flatMap((gap, place) => gap > LONG_STOP * usual ? [place] : []));
+}
+
 function panel(subject, limit, trajectories, axis, axisName, width) {
   const xs = trajectories.flatMap(trajectory => [least(trajectory.series[axis]), most(trajectory.series[axis])]);
   const values = trajectories.flatMap(trajectory => [...trajectory.series[subject.series], ...(subject.reference ? trajectory.series[subject.reference] : [])]);
@@ -125,7 +133,9 @@ function panel(subject, limit, trajectories, axis, axisName, width) {
   });
   const line = (trajectory, name, look) => {
     let moves = "", joined = false;
+    const stops = stopsOf(trajectory.series.minutes);
     trajectory.series[name].forEach((value, place) => {
+      if (stops.has(place)) joined = false;
       if (!isNaN(value)) moves += `${joined ? "L" : "M"}${made.x(trajectory.series[axis][place]).toFixed(1)} ${made.y(value).toFixed(1)}`;
       joined = !isNaN(value);
     });
@@ -188,6 +198,7 @@ function showTrajectories(place, data) {
     const note = [
       second.value !== "" && trajectories.length < 2 ? `The second policy was not recorded with this ${data.seed_name}.` : "",
       thinned.length ? `Drawn: ${thinned.map(({ series, steps }) => `${series.minutes.length} of ${steps}`).join(" and ")} steps, those with the least and the greatest load among neighbours.` : "",
+      trajectories.some(({ series }) => stopsOf(series.minutes).size) ? "Where all lines of a policy break, the machine stands: for a new edge, or after a breakage." : "",
     ].join(" ").trim();
     output.replaceChildren(element("ul", { className: "legend" }, ...legend), panels, element("p", { className: "note", textContent: note }), numbers(data.subjects, trajectories));
     const columns = getComputedStyle(panels).gridTemplateColumns.split(" ");
