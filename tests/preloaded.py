@@ -23,7 +23,12 @@ from pathlib import Path
 
 SHARED = ("gymnasium", "numba", "numpy", "pydantic")
 TRAINING = (*SHARED, "onnx", "stable_baselines3", "torch")
-LIBRARIES = {"leaderboard": SHARED, "turning_env": SHARED, "train": TRAINING}
+LIBRARIES = {
+    "baselines": SHARED,
+    "leaderboard": SHARED,
+    "train": TRAINING,
+    "turning_env": SHARED,
+}
 """Libraries to import before a fork, by the package of its program."""
 
 
