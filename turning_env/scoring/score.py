@@ -306,7 +306,10 @@ def score(
             "builds it for each job"
         )
     if split not in get_args(Split):
-        raise ValueError(f'split is {split!r}, but must be "held_out" or "validation"')
+        message = f'split is {split!r}, but must be "held_out" or "validation"'
+        if env_id == FAMILY_ID:
+            message += ": in a clone, python -m leaderboard run --split plays the other jobs"
+        raise ValueError(message)
     validates = split == "validation"
     board = f"{FAMILY_ID}-{family}" if env_id == FAMILY_ID else env_id
     jobs = Family.load(family) if env_id == FAMILY_ID else None

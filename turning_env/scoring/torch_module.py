@@ -53,7 +53,8 @@ def run(module: Any, observations: Any, memory: Any) -> Output:
     if not hasattr(actions, "clamp"):
         raise ValueError(
             f"{_name(module)} returns {_kind(actions)}, but must return a tensor of actions: wrap "
-            "it in a module that does; a module with a memory states its memory_size"
+            "it in a module that does; if it has a memory, give it the attribute memory_size: the "
+            "numbers per environment"
         )
     return Output(actions, next_memory)
 
