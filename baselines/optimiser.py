@@ -250,7 +250,7 @@ class Optimiser(Policy):
             step=scenario.control.cutting_speed_step,
         )
         min_log_feed, max_log_feed = self._reach(
-            reading.commanded_feed, scenario.feed_range, step=scenario.control.feed_step
+            reading.commanded_feed, self._feed_range(), step=scenario.control.feed_step
         )
         # A broken edge loses its unused life.
         unused = np.maximum(1.0 - used_life, 0.0)
@@ -286,6 +286,10 @@ class Optimiser(Policy):
     def _max_speed(self, used_life: Array) -> Any:
         """Return the highest cutting speed to command [m/min] at nominal used lives [-]."""
         return self._scenario.cutting_speed_max
+
+    def _feed_range(self) -> tuple[Any, Any]:
+        """Return the lowest and the highest feed to command [mm/rev]."""
+        return self._scenario.feed_range
 
     def _life_law(self) -> LifeLaw:
         """Return the law of the used life as the policy knows it."""

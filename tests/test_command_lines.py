@@ -249,6 +249,10 @@ MISTAKES = {
         "unmodelled2 --jobs 0",
         "unmodelled2 --part nothing",
     ],
+    "research.studies.unmodelled_reactions": [
+        "--jobs 0",
+        "--part nothing",
+    ],
     "research.studies.paired": [
         "ppo causal --scenarios nothing",
         "ppo causal",

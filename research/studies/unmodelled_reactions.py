@@ -1,0 +1,181 @@
+"""Compare rules that react to their edges with constants and with known forms, on `unmodelled2`.
+
+    python -m research.studies.unmodelled_reactions
+    python -m research.studies.unmodelled_reactions --part search
+
+Jobs of `validation` for the table, training jobs for the search of the numbers of
+``baselines/reactive.py``. The search plays sets of numbers, ten by hand and others at random, on
+the first jobs, and the best four of them on further jobs, each with the constants beside them.
+"""
+
+import argparse
+import sys
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from baselines.contextual import limited
+from baselines.models.schedule import FORMS
+from baselines.oracles.known_forms import KnownForms
+from baselines.reactive import TUNED, WINDOW_ALONE, Reactions, Reactive
+from baselines.self_tuning import RULES
+from leaderboard.family import Truthful
+from leaderboard.table import markdown
+from research.studies.unmodelled_draw import Row, cells, given
+from turning_env import Family, Scenario
+from turning_env.console import described, exits, positive
+from turning_env.scoring.play import EPISODE_FIELDS, Episodes, play_family
+from turning_env.scoring.policy import Policy
+from turning_env.scoring.statistics import severe_share
+
+FAMILY = "unmodelled2"
+JOBS = 96  # validation jobs of the table
+SEARCH_JOBS = 32  # training jobs that all sets of numbers play
+FURTHER_JOBS = 80  # training jobs that the best ones play, too
+KEPT = 4  # sets of numbers that play the further jobs
+RANDOM_SETS = 6
+KEY = 58  # of the random sets
+BATCH = 32  # jobs that are played together
+FIXED: Any = RULES["self_tuning"].fixed
+
+RANGES = {
+    "speed": (-0.6, 0.0),
+    "change_at": (0.6, 0.9),
+    "slower": (0.0, 0.25),
+    "sooner": (0.6, 1.3),
+    "fast_wear": (0.8, 2.0),
+    "faster": (0.1, 0.6),
+    "bolder": (0.0, 0.1),
+    "span": (0.1, 0.5),
+}
+"""Ranges of the random sets [-]."""
+BY_HAND = (
+    {"sooner": 0.8},
+    {"sooner": 1.0, "slower": 0.05},
+    {"bolder": 0.05, "slower": 0.1},
+    {"bolder": 0.1, "slower": 0.15, "sooner": 1.2},
+    {"fast_wear": 1.5, "faster": 0.3, "span": 0.3},
+    {"fast_wear": 1.5, "faster": 0.5, "span": 0.2, "slower": 0.2, "sooner": 1.0},
+    {"speed": -0.2, "slower": 0.15, "sooner": 1.0},
+    {"speed": -0.43, "bolder": 0.05, "slower": 0.05},
+    {"change_at": 0.65},
+)
+"""Changes of ``WINDOW_ALONE``."""
+
+Maker = Callable[[Sequence[Scenario]], Policy]
+"""Makes a policy for some nominal models."""
+
+
+def constant(models: Sequence[Scenario]) -> Policy:
+    """Return ``self_tuning`` with the constants that ``contextual`` has on the family."""
+    log_speed = np.array([WINDOW_ALONE.speed])
+    return limited(models, len(models), log_speed, WINDOW_ALONE.change_at, **FIXED)
+
+
+def reacting(reactions: Reactions) -> Maker:
+    """Return the maker of ``Reactive`` with some numbers."""
+    return lambda models: Reactive(models, len(models), reactions, **FIXED)
+
+
+def known(models: Sequence[Scenario]) -> Policy:
+    """Return ``self_tuning`` with known forms, for models that have the true ones."""
+    return KnownForms(models, len(models), **FIXED)
+
+
+def played(family: Family, split: str, jobs: Sequence[int], make: Maker) -> Episodes:
+    """Return the episodes of a policy on jobs, in chunks of jobs that last about as long."""
+    models = {number: family.job(number, split).scenario.nominal() for number in jobs}
+    limits = [models[number].control.time_limit for number in jobs]
+    order = np.argsort(limits, kind="stable").tolist()
+    episodes: Episodes = {name: np.empty(len(jobs)) for name in EPISODE_FIELDS}
+    for first in range(0, len(jobs), BATCH):
+        chunk = order[first : first + BATCH]
+        numbers = [jobs[place] for place in chunk]
+        policy = make([models[number] for number in numbers])
+        ended = play_family(family, split, numbers, make_policy=given(policy), context="hidden")
+        for name in EPISODE_FIELDS:
+            episodes[name][chunk] = ended[name]
+    return episodes
+
+
+def table(num_jobs: int) -> list[dict[str, str]]:
+    """Return the rows of the table on validation jobs."""
+    family = Family.load(FAMILY)
+    truthful = Truthful.of(family, FORMS)
+    policies: list[tuple[str, Family, Maker]] = [
+        ("constant highest speed", family, constant),
+        ("and the window of feeds from stops", family, reacting(WINDOW_ALONE)),
+        ("and limits that react to edges", family, reacting(TUNED)),
+        ("`self_tuning` with known forms", truthful, known),
+    ]
+    rows = []
+    strongest: Row | None = None
+    for title, played_family, make in policies:
+        episodes = played(played_family, "validation", range(num_jobs), make)
+        row = Row(title, episodes["return"], episodes["edges_broken"])
+        strongest = strongest or row
+        line = cells(row, strongest)
+        # ``cells`` compares with the first row, whichever is the strongest.
+        line["Over the constant [s]"] = line.pop("Over the strongest rule [s]")
+        severe = severe_share(episodes["severe_overload_time"], episodes["engaged_time"])
+        line["Severe overload [%]"] = f"{100.0 * severe:.2f}"
+        rows.append(line)
+    return rows
+
+
+def random_sets() -> list[Reactions]:
+    """Return sets of numbers from ``RANGES``."""
+    generator = np.random.default_rng(KEY)
+    sets = []
+    for _ in range(RANDOM_SETS):
+        numbers = {name: generator.uniform(low, high) for name, (low, high) in RANGES.items()}
+        sets.append(Reactions(**numbers))
+    return sets
+
+
+def searched() -> list[dict[str, str]]:
+    """Return the sets of numbers with their leads over ``WINDOW_ALONE`` on training jobs."""
+    family = Family.load(FAMILY)
+    sets = [WINDOW_ALONE, *[WINDOW_ALONE._replace(**changes) for changes in BY_HAND]]
+    sets += random_sets()
+    returns = []
+    for reactions in sets:
+        episodes = played(family, "train", range(SEARCH_JOBS), reacting(reactions))
+        returns.append(episodes["return"])
+    means = [-values.mean() for values in returns[1:]]
+    kept = (1 + np.argsort(means)[:KEPT]).tolist()
+    further = range(SEARCH_JOBS, SEARCH_JOBS + FURTHER_JOBS)
+    for place in (0, *kept):
+        episodes = played(family, "train", further, reacting(sets[place]))
+        returns[place] = np.concatenate([returns[place], episodes["return"]])
+    rows = []
+    for reactions, values in zip(sets, returns, strict=True):
+        row = Row(numbers_of(reactions), values)
+        rows.append(cells(row, Row("", returns[0][: len(values)])) | {"Jobs": str(len(values))})
+    return rows
+
+
+def numbers_of(reactions: Reactions) -> str:
+    """Return the numbers of a set as text."""
+    numbers = reactions._asdict().items()
+    return ", ".join(f"{name} {value:.2f}" for name, value in numbers)
+
+
+@exits(ValueError)
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print a table; return the exit status."""
+    parser = argparse.ArgumentParser(
+        prog="python -m research.studies.unmodelled_reactions", **described(__doc__)
+    )
+    add = parser.add_argument
+    add("--part", choices=("table", "search"), default="table", help="(default: %(default)s)")
+    add("--jobs", type=positive, default=JOBS, help="validation jobs (default: %(default)s)")
+    options = parser.parse_args(arguments)
+    rows = table(options.jobs) if options.part == "table" else searched()
+    print(markdown(rows))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
