@@ -289,7 +289,8 @@ class Optimiser(Policy):
 
     def _feed_range(self) -> tuple[Any, Any]:
         """Return the lowest and the highest feed to command [mm/rev]."""
-        return self._scenario.feed_range
+        lowest, highest = self._scenario.feed_range
+        return lowest, highest
 
     def _life_law(self) -> LifeLaw:
         """Return the law of the used life as the policy knows it."""

@@ -59,6 +59,7 @@ WHOLE = SetPointShares(cutting_speed=1.0, feed=1.0)
 FEASIBLE_SHARES = {
     "shop": SetPointShares(cutting_speed=0.92, feed=0.62),
     "unmodelled": SetPointShares(cutting_speed=0.75, feed=0.62),
+    "unmodelled2": SetPointShares(cutting_speed=0.65, feed=0.6),
 }
 """Shares with the highest mean return of those that are feasible on 128 training jobs.
 

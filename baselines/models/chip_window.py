@@ -69,7 +69,7 @@ class ChipWindow:
     @property
     def shift(self) -> Array:
         """Most probable log shift [-], shape (num_envs,)."""
-        return SHIFTS[self.log_weights.argmax(axis=1)]
+        return np.asarray(SHIFTS[self.log_weights.argmax(axis=1)])
 
     def feed_range(self) -> tuple[Array, Array]:
         """Return the lowest and the highest feed by the most probable shift [mm/rev]."""

@@ -110,16 +110,16 @@ def table(num_jobs: int) -> list[dict[str, str]]:
         ("`self_tuning` with known forms", truthful, known),
     ]
     rows = []
-    strongest: Row | None = None
+    first: Row | None = None
     for title, played_family, make in policies:
         episodes = played(played_family, "validation", range(num_jobs), make)
         row = Row(title, episodes["return"], episodes["edges_broken"])
-        strongest = strongest or row
-        line = cells(row, strongest)
-        # ``cells`` compares with the first row, whichever is the strongest.
-        line["Over the constant [s]"] = line.pop("Over the strongest rule [s]")
+        first = first or row
+        line = cells(row, first)
         severe = severe_share(episodes["severe_overload_time"], episodes["engaged_time"])
         line["Severe overload [%]"] = f"{100.0 * severe:.2f}"
+        # The first row is the constant, whichever is the strongest.
+        line = {name.replace("the strongest rule", "the constant"): line[name] for name in line}
         rows.append(line)
     return rows
 
