@@ -75,7 +75,7 @@ def test_words_fields_controllers_disturbances_and_entries_invalidate_nothing(co
     edit(copy / "baselines" / "fixed.py", '"""', '"""Edited. ')
     for page in ("change_the_lathe", "add_a_controller"):
         text = (copy / "docs" / "tutorials" / f"{page}.md").read_text("utf-8")
-        walk(text, copy, {"python -m pytest": SOME_TESTS}, done=PLAYED_ELSEWHERE)
+        walk(text, copy, {"python -m pytest": SOME_TESTS}, PLAYED_ELSEWHERE)
 
     printed_by(copy, "-c", CHECK)
     verified = printed_by(copy, "-m", "leaderboard", "verify", "--check")

@@ -123,23 +123,21 @@ def walk(
     page: str,
     folder: Path,
     smaller: Mapping[str, Smaller],
-    done: tuple[str, ...] = (),
-) -> tuple[str, ...]:
-    """Do in a copy what a page says; return the commands that were run.
+    elsewhere: tuple[str, ...] = (),
+) -> None:
+    """Do in a copy what a page says.
 
-    Commands that start like one in ``done`` are not run again. A block of text shows what the
+    Commands that start like one in ``elsewhere`` are left out. A block of text shows what the
     program above it prints.
     """
-    ran = []
     printed = ""
     for block in blocks(page):
         if block.title is not None:
             write_or_change(folder / block.title, block)
         elif block.language == "bash" and not block.text.startswith(LONG):
             for command in commands(block):
-                if not command.startswith(done):
+                if not command.startswith(elsewhere):
                     check(run(small(command, smaller), folder), command)
-                    ran.append(command)
         elif block.language == "python":
             program = [sys.executable, "-W", "error", "-c", block.text]
             finished = run(program, folder)
@@ -147,7 +145,6 @@ def walk(
             printed = finished.stdout
         elif block.language == "text":
             assert block.text == printed
-    return tuple(ran)
 
 
 def write_or_change(path: Path, block: Block) -> None:

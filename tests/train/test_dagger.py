@@ -17,8 +17,8 @@ from train.run import Run
 from train.training import load_agent, train
 from turning_env import FAMILY_ID, Family, FamilyVectorEnv, Scenario
 
-FAMILY = Family.load({"extends": "shop", "planned": {"control.time_limit": 0.1}})
-"""Jobs of six steps."""
+FAMILY = Family.load({"extends": "shop", "jobs": 16, "planned": {"control.time_limit": 0.1}})
+"""Few jobs, of six steps each."""
 SMALL = {
     "total_timesteps": 96,
     "num_envs": 4,
