@@ -104,7 +104,8 @@ class TaughtVecEnv(RoughTurningVecEnv):
     ) -> None:
         if not isinstance(scenario, Family):
             raise ValueError(
-                f"the teacher plays the jobs of a family, not scenario {scenario.name!r}"
+                f"the teacher plays the jobs of a family, not scenario {scenario.name!r}:"
+                " choose --env RoughTurning-Family-v0"
             )
         super().__init__(scenario, num_envs, reward_scale)
         self.observation_space = with_belief(self.observation_space)

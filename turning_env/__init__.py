@@ -43,6 +43,8 @@ def __getattr__(name: str) -> Any:
         from importlib.metadata import version
 
         return version("rough-turning")
+    if name == "tasks":
+        return import_module(f"{__name__}.tasks")
     if name not in _MODULE_OF:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     module = import_module(f"{__name__}.{_MODULE_OF[name]}")
