@@ -15,6 +15,7 @@ from turning_env import FAMILY_ID, IDS, Family, Scenario
 from turning_env.console import UserError, exits, positive
 from turning_env.extras import needed
 from turning_env.rendering.viewer import Window
+from turning_env.scenario.arguments import environment_id
 from turning_env.scenario.family import DRAFTS, families
 from turning_env.scoring.policy import Policy
 from turning_env.scoring.score import shipped
@@ -277,6 +278,7 @@ def _add_options(parser: argparse.ArgumentParser) -> None:
     task = parser.add_mutually_exclusive_group()
     task.add_argument(
         "--env",
+        type=environment_id,
         choices=PLAYABLE,
         default="RoughTurning-v0",
         metavar="ID",

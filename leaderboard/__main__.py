@@ -29,6 +29,7 @@ from train.agents.agent_file import NAME
 from turning_env import FAMILY_ID, IDS, SPLITS, Family, Scenario, ScenarioError
 from turning_env.console import DONE, FAILED, described, exits, positive, print_json, printable
 from turning_env.files import digest_of
+from turning_env.scenario.arguments import environment_id
 from turning_env.scoring.policy import PolicySpec
 from turning_env.scoring.seeds import held_out_seeds
 from turning_env.scoring.workers import WorkersError, workers
@@ -145,6 +146,7 @@ def _add_run_options(parser: argparse.ArgumentParser) -> None:
     )
     add(
         "--env",
+        type=environment_id,
         choices=ENV_IDS,
         default=SPLITS_ENV_ID,
         help=f"the environment's id (default: {SPLITS_ENV_ID})",
@@ -411,6 +413,7 @@ def _add_show_options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add(
         "--env",
+        type=environment_id,
         choices=ENV_IDS,
         help=f"the environment's id (default: {SPLITS_ENV_ID}, if it has results)",
     )

@@ -23,6 +23,7 @@ from train.agents.agent_file import ONNX_SUFFIX
 from turning_env import FAMILY_ID, IDS, Scenario
 from turning_env.console import DONE, described, exits, positive
 from turning_env.files import replace_file
+from turning_env.scenario.arguments import environment_id
 from turning_env.scoring.policy import PolicySpec
 
 Frame = NDArray[np.uint8]  # shape (height, width, 3), of even height and width
@@ -218,6 +219,7 @@ def _parser() -> argparse.ArgumentParser:
     ids = [*IDS, FAMILY_ID]
     parser.add_argument(
         "--env",
+        type=environment_id,
         choices=ids,
         default="RoughTurning-v0",
         help="the environment's id (default: RoughTurning-v0)",

@@ -314,6 +314,11 @@ EXPLAINED = [
     ),
     Mistake(
         "train.ppo",
+        "--env shop",
+        "shop is a family of RoughTurning-Family-v0, not an id",
+    ),
+    Mistake(
+        "train.ppo",
         "--set learing_rate=1",
         "ppo has no hyperparameter 'learing_rate'; did you mean learning_rate",
     ),

@@ -37,6 +37,7 @@ from turning_env import FAMILY_ID, IDS, Scenario
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 from turning_env.console import described, exits
 from turning_env.files import digest_of_files, folder_lock, replace_file
+from turning_env.scenario.arguments import environment_id
 from turning_env.scoring.play import Episodes, play, play_family
 from turning_env.scoring.policy import PolicySpec
 from turning_env.scoring.seeds import HELD_OUT_START, TUNING_START, tuning_seeds
@@ -391,7 +392,11 @@ def add_task(parser: argparse.ArgumentParser) -> None:
     """Add the options that training and tuning share."""
     ids = [*IDS, FAMILY_ID]
     parser.add_argument(
-        "--env", default=ids[0], choices=ids, help="environment id (default: %(default)s)"
+        "--env",
+        type=environment_id,
+        default=ids[0],
+        choices=ids,
+        help="environment id (default: %(default)s)",
     )
     parser.add_argument(
         "--scenario",

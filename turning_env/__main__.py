@@ -14,6 +14,7 @@ from turning_env import FAMILY_ID, IDS, score
 from turning_env.console import Parser, UserError, described, exits, positive, print_json
 from turning_env.extras import provided
 from turning_env.scenario import Scenario, ScenarioError, presets
+from turning_env.scenario.arguments import environment_id
 from turning_env.scoring.sandbox import LIMITS
 from turning_env.scoring.score import Split
 
@@ -61,6 +62,7 @@ def _add_score_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("policy", metavar="POLICY", help="ONNX file, or module:object")
     parser.add_argument(
         "--env",
+        type=environment_id,
         choices=(*IDS, FAMILY_ID),
         default="RoughTurning-v0",
         metavar="ID",
