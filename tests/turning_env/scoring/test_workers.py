@@ -57,6 +57,8 @@ def test_processes_do_all_pieces_and_end_with_the_context(tmp_path: Path) -> Non
 
 
 @pytest.mark.slow
+# Workers are killed with work left, which a thread of joblib's executor does not always survive.
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
 def test_workers_with_other_versions_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     message = rf"other results: it has .*numpy {metadata.version('numpy')} instead of 1\.0"
     monkeypatch.setattr(metadata, "version", lambda name: "1.0")
