@@ -1,4 +1,4 @@
-"""What the rules call is compiled beforehand."""
+"""The warm-up of the rules: it compiles all that they call."""
 
 import os
 import subprocess

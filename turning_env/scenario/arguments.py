@@ -2,6 +2,7 @@
 
 import argparse
 
+from turning_env import FAMILY_ID
 from turning_env.scenario.family import families
 
 
@@ -12,5 +13,5 @@ def environment_id(word: str) -> str:
         argparse.ArgumentTypeError: it names a family, which is no id.
     """
     if word in families():
-        raise argparse.ArgumentTypeError(f"{word} is a family of RoughTurning-Family-v0, not an id")
+        raise argparse.ArgumentTypeError(f"{word} is a family of {FAMILY_ID}, not an id")
     return word

@@ -275,17 +275,17 @@ def quantiles(replicates: Floats, low: float, high: float) -> tuple[float, float
         below = math.floor(position)
         neighbours += [below, min(below + 1, last)]
     ordered = np.partition(replicates, neighbours)
-    found = []
+    values = []
     for position in positions:
         below = math.floor(position)
         share = position - below
         lower = float(ordered[below])
         upper = float(ordered[min(below + 1, last)])
         if share < 0.5:
-            found.append(lower + (upper - lower) * share)
+            values.append(lower + (upper - lower) * share)
         else:
-            found.append(upper - (upper - lower) * (1.0 - share))
-    return found[0], found[1]
+            values.append(upper - (upper - lower) * (1.0 - share))
+    return values[0], values[1]
 
 
 def interquartile_mean(values: Floats) -> Floats:
