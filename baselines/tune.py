@@ -39,6 +39,7 @@ from baselines.rule import Parameters, Range, Rule
 from turning_env import MODEL_VERSION, Scenario, presets
 from turning_env.console import described, exits, positive
 from turning_env.files import file_lock, folder_lock, replace_file
+from turning_env.progress import progress
 from turning_env.scoring.play import Episodes, play
 from turning_env.scoring.seeds import tuning_seeds
 from turning_env.scoring.statistics import Bootstrap, severe_share
@@ -426,7 +427,7 @@ def _tune(
         pieces.append((name, (name, rule, scenario, budget, logs[name])))
     with workers(jobs, None) as over:
         results = spread(over, lambda piece: search(*piece), pieces)
-        for name, entry in tqdm(results, "tuning", total=len(pieces), unit="rule", disable=None):
+        for name, entry in progress(results, "tuning", total=len(pieces), unit="rule"):
             entries[name] = entry
             result = f"mean return {entry['mean_return']:.1f} s over {budget['seeds']} seeds"
             feasible = "feasible" if entry["feasible"] else "not feasible"

@@ -36,6 +36,7 @@ from baselines.tune import log_of
 from turning_env import MODEL_VERSION, Family
 from turning_env.console import described, exits
 from turning_env.files import file_lock, folder_lock, replace_file
+from turning_env.progress import progress
 from turning_env.scoring.play import play_family
 from turning_env.scoring.statistics import Bootstrap, Estimate
 
@@ -223,7 +224,7 @@ class Plays:
         size = max(BATCH // len(laws), 1)
         chunks = [order[first : first + size] for first in range(0, jobs, size)]
         returns = np.empty((len(laws), jobs))
-        for chunk in tqdm(chunks, f"{title}, {split}", unit="batch", disable=None):
+        for chunk in progress(chunks, f"{title}, {split}", unit="batch"):
             played = self._returns(laws, split, chunk)
             returns[:, chunk] = np.reshape(played, (len(laws), len(chunk)))
         return returns

@@ -37,6 +37,7 @@ from turning_env import FAMILY_ID, IDS, Family, Scenario
 from turning_env.console import described, exits
 from turning_env.family_env import vector_env
 from turning_env.physics.quantities import OBS, OBSERVATION, Entry, layout
+from turning_env.scenario.arguments import environment_id
 from turning_env.scenario.family import CONTEXT_LIMIT
 from turning_env.scoring.adapt import as_factory
 from turning_env.scoring.policy import Observations, PolicyFactory
@@ -335,6 +336,7 @@ def _parser() -> argparse.ArgumentParser:
     make_parser = commands.add_parser("make", help="play, write data sets, print their checksums")
     make_parser.add_argument(
         "--env",
+        type=environment_id,
         choices=[*IDS, FAMILY_ID],
         default=ENV_ID,
         help="environment id (default: %(default)s)",

@@ -8,7 +8,8 @@ from typing import Any
 import torch
 
 from turning_env import FAMILY_ID, IDS, Family, Scenario
-from turning_env.console import described, exits
+from turning_env.console import described, exits, whole_number
+from turning_env.scenario.arguments import environment_id
 from turning_env.scoring.adapt import as_factory
 from turning_env.scoring.play import play, play_family
 from turning_env.scoring.policy import Observations
@@ -56,11 +57,10 @@ def at_least(minimum: int) -> Callable[[str], int]:
     """Return an argparse type for a whole number of at least ``minimum``."""
 
     def number(text: str) -> int:
-        if not text.removeprefix("-").isdecimal() or int(text) < minimum:
-            raise argparse.ArgumentTypeError(
-                f"is {text}, but must be a whole number of at least {minimum}"
-            )
-        return int(text)
+        value = whole_number(text)
+        if value < minimum:
+            raise argparse.ArgumentTypeError(f"is {text}, but must be at least {minimum}")
+        return value
 
     return number
 
@@ -100,6 +100,7 @@ def parser(
     if ids:
         parser.add_argument(
             "--env",
+            type=environment_id,
             choices=[*IDS, FAMILY_ID],
             default=ENV_ID,
             help="environment id (default: %(default)s)",

@@ -551,7 +551,7 @@ def _add_verify_options(parser: argparse.ArgumentParser) -> None:
     _add_agents_folder(parser)
     _add_workers(parser)
     add = parser.add_argument
-    add("--env", choices=ENV_IDS, help="only results of this id")
+    add("--env", type=environment_id, choices=ENV_IDS, help="only results of this id")
     add("--scenario", metavar="NAME", help="only results on this scenario")
     add("--policies", nargs="+", metavar="NAME", help="only results of these policies")
     add(
@@ -616,7 +616,13 @@ def _figure(options: argparse.Namespace) -> None:
 def _add_figure_options(parser: argparse.ArgumentParser) -> None:
     _add_results(parser)
     add = parser.add_argument
-    add("--env", choices=IDS, default=SPLITS_ENV_ID, help="the environment's id")
+    add(
+        "--env",
+        type=environment_id,
+        choices=IDS,
+        default=SPLITS_ENV_ID,
+        help="the environment's id (default: %(default)s)",
+    )
     add("--scenario", metavar="PRESET_OR_TOML", help="scenario instead of the id's own")
     add("--aggregate", action="store_true", help="draw scores over the tasks instead")
     add(

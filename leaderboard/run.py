@@ -12,8 +12,6 @@ from hashlib import sha256
 from pathlib import Path
 from typing import NamedTuple
 
-from tqdm import tqdm
-
 from leaderboard.notices import notify_once
 from leaderboard.policies import is_code, is_of_another, reason_of
 from leaderboard.ranking import Leaderboard, read_if_usable, read_leaderboard
@@ -32,6 +30,7 @@ from leaderboard.trajectories import MAX_RECORDED, RECORDED_SEEDS, Trajectories,
 from turning_env import Scenario
 from turning_env.console import printable
 from turning_env.files import folder_lock
+from turning_env.progress import progress
 from turning_env.scoring.comparators import CAUSAL, comparators
 from turning_env.scoring.play import Episodes, play
 from turning_env.scoring.policy import PolicySpec
@@ -185,16 +184,14 @@ def _play_missing(
     total = sum(len(run.policies) * len(run.seeds) for run in runs)
     done = total - sum(len(piece.seeds) for _, piece in pieces)
     failed: dict[_Place, ResultError] = {}
-    # miniters=0 redraws the bar while no episode ends; disable=None hides it without a terminal.
-    with tqdm(
-        total=total, initial=done, unit="episode", miniters=0, dynamic_ncols=True, disable=None
-    ) as bar:
+    # miniters=0 redraws the bar while no episode ends.
+    with progress(total=total, initial=done, unit="episode", miniters=0, dynamic_ncols=True) as bar:
 
         def play_here(piece: Piece) -> Attempt:
             def on_step(ended: int) -> None:
                 bar.update(done + ended - bar.n)
 
-            bar.set_description(piece.policy.label)
+            bar.set_description_str(piece.policy.label)
             return attempt(piece, on_step)
 
         for tag, played in spread(over, attempt if over else play_here, pieces):
@@ -319,7 +316,7 @@ def _record_trajectories(run: TaskRun, fresh: bool, over: Workers | None) -> lis
     complaints = []
     trajectories = recordings.present
     try:
-        with tqdm(total=len(pieces), unit="trajectory", dynamic_ncols=True, disable=None) as bar:
+        with progress(total=len(pieces), unit="recording", dynamic_ncols=True) as bar:
             for recording, recorded in spread(over, _trajectory, pieces):
                 if isinstance(recorded, ResultError):
                     complaints.append(recorded)

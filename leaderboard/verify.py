@@ -31,6 +31,7 @@ from leaderboard.result import (
 )
 from leaderboard.run import Attempt, Piece, attempt
 from turning_env import MODEL_VERSION, Scenario, presets
+from turning_env.progress import progress
 from turning_env.scoring.play import Episodes
 from turning_env.scoring.policy import PolicySpec, ScenarioId
 from turning_env.scoring.workers import Workers, spread
@@ -119,16 +120,15 @@ def verify(
             replays[path] = _Replay(verifiable, _places(verifiable.result, seeds))
     pieces = sorted(replays.items(), key=lambda piece: -_length(piece[1].verifiable.result))
 
-    with tqdm(
+    with progress(
         total=len(examined.results),
         initial=len(examined.results) - len(pieces),
         unit="result",
         dynamic_ncols=True,
-        disable=None,
     ) as bar:
         for path, played in spread(over, _play, pieces):
             result = replays[path].verifiable.result
-            bar.set_description(result.policy.label)
+            bar.set_description_str(result.policy.label)
             bar.update()
             if isinstance(played, ResultError):
                 faults = [str(played)]

@@ -14,7 +14,6 @@ import gymnasium
 import numpy as np
 from gymnasium.error import ClosedEnvironmentError
 from numpy.typing import NDArray
-from tqdm import tqdm
 
 from leaderboard.family import episode_of, family_task
 from leaderboard.policies import agents, named
@@ -23,6 +22,7 @@ from train.agents.agent_file import ONNX_SUFFIX
 from turning_env import FAMILY_ID, IDS, Scenario
 from turning_env.console import DONE, described, exits, positive
 from turning_env.files import replace_file
+from turning_env.progress import progress
 from turning_env.scenario.arguments import environment_id
 from turning_env.scoring.policy import PolicySpec
 
@@ -142,7 +142,7 @@ def steps(shows: Sequence[Show], max_steps: int | None, every: int) -> Iterator[
     yield 0
     done = 0
     is_over = False
-    with tqdm(total=max_steps, unit="step", dynamic_ncols=True, disable=None) as bar:
+    with progress(total=max_steps, unit="step", dynamic_ncols=True) as bar:
         while not is_over:
             for show in shows:
                 if not show.ended:

@@ -319,6 +319,21 @@ EXPLAINED = [
     ),
     Mistake(
         "train.ppo",
+        "--env RoughTurning-Overide-v1",
+        "'RoughTurning-Overide-v1' is no id; did you mean RoughTurning-Override-v1?",
+    ),
+    Mistake(
+        "leaderboard verify",
+        "--env RoughTurning-v1",
+        "'RoughTurning-v1' is no id; did you mean RoughTurning-v0",
+    ),
+    Mistake(
+        "train.ppo",
+        "--steps 1.5",
+        "'1.5' is not a whole number, such as 1000000 or 1e6",
+    ),
+    Mistake(
+        "train.ppo",
         "--set learing_rate=1",
         "ppo has no hyperparameter 'learing_rate'; did you mean learning_rate",
     ),

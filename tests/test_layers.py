@@ -46,7 +46,7 @@ A module may import its own layer and all below.
 """
 UPWARDS = {("action", "scoring"), ("env", "rendering")}
 """Exceptions: actions have the type of a policy's, and an environment creates its viewer."""
-LEAVES = {"files", "locks", "console", "extras"}
+LEAVES = {"files", "locks", "console", "extras", "progress"}
 """Modules that all layers may import, and that import none."""
 
 

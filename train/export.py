@@ -43,6 +43,7 @@ from turning_env import FAMILY_ID, IDS, Family, Scenario
 from turning_env.console import described, exits
 from turning_env.family_env import vector_env
 from turning_env.files import replace_file
+from turning_env.scenario.arguments import environment_id
 from turning_env.scoring.onnx_session import OnnxPolicy
 from turning_env.scoring.policy import Policy
 from turning_env.scoring.seeds import tuning_seeds
@@ -365,7 +366,10 @@ def _parser() -> argparse.ArgumentParser:
         "agents from .zip and .onnx files, which do not state how they were trained"
     )
     files.add_argument(
-        "--env", choices=[*IDS, FAMILY_ID], help="environment id (default: RoughTurning-v0)"
+        "--env",
+        type=environment_id,
+        choices=[*IDS, FAMILY_ID],
+        help="environment id (default: RoughTurning-v0)",
     )
     files.add_argument(
         "--scenario",

@@ -125,6 +125,8 @@ def _typed(name: str, value: Any, example: Any) -> Any:
         return [_typed(name, entry, min(example)) for entry in value]
     if isinstance(example, float) and type(value) is int:
         value = float(str(value))  # infinite if it is too large
+    if type(example) is int and type(value) is float and value.is_integer():
+        value = int(value)  # 1e6 is a float of TOML
     is_right = type(value) is type(example)
     is_number = isinstance(example, int | float)
     if is_right and is_number:

@@ -35,8 +35,9 @@ from train.terms import Terms
 from train.training_information import with_terms
 from turning_env import FAMILY_ID, IDS, Scenario
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
-from turning_env.console import described, exits
+from turning_env.console import described, exits, whole_number
 from turning_env.files import digest_of_files, folder_lock, replace_file
+from turning_env.progress import progress
 from turning_env.scenario.arguments import environment_id
 from turning_env.scoring.play import Episodes, play, play_family
 from turning_env.scoring.policy import PolicySpec
@@ -108,7 +109,7 @@ class Algorithm:
 
 
 class Recorder(BaseCallback):
-    """A callback that writes learning curve and checkpoints, and shows a progress bar."""
+    """A callback that writes learning curve and checkpoints, and shows its progress."""
 
     def __init__(self, run: Run, algorithm: Algorithm, checkpoint_every: int) -> None:
         super().__init__()
@@ -129,13 +130,12 @@ class Recorder(BaseCallback):
         self.last_checkpoint = self.num_timesteps
         # The default lock spans processes; a killed worker of a tuning would leave it behind.
         tqdm.set_lock(threading.RLock())
-        self.bar = tqdm(
+        self.bar = progress(
             total=self.total_timesteps,
             initial=self.num_timesteps,
             unit="step",
             unit_scale=True,
             desc=f"{run.algorithm}, seed {run.seed}",
-            disable=None,
         )
 
     def _on_rollout_start(self) -> None:
@@ -425,7 +425,7 @@ def command_line(
     parser.add_argument(
         "--total-timesteps",
         "--steps",
-        type=int,
+        type=whole_number,
         metavar="N",
         help="environment steps of the training; short for --set total_timesteps=N",
     )

@@ -34,8 +34,9 @@ from baselines.tune import Played, Trial, TrialLog, trials
 from train.run import ALGORITHMS, Run, hyperparameters, overrides, trained_on
 from train.training import SEEDS, add_task, algorithm_of, play_agent, train
 from turning_env import Family, Scenario
-from turning_env.console import described, exits
+from turning_env.console import described, exits, whole_number
 from turning_env.files import digest_of, file_lock
+from turning_env.progress import progress
 from turning_env.scoring.workers import Workers, cluster, processes
 
 NUM_EPISODES = 64
@@ -184,10 +185,10 @@ def search(
             parallel=parallel,
             n_startup_trials=STARTUP_TRIALS,
         )
-        progress = tqdm(
-            ending_trials, f"tuning {task.algorithm}", total=count, unit="trial", disable=None
+        shown_trials = progress(
+            ending_trials, f"tuning {task.algorithm}", total=count, unit="trial"
         )
-        for trial in progress:
+        for trial in shown_trials:
             tqdm.write(_report(len(ended), trial), sys.stderr)
             ended.append(trial)
 
@@ -209,7 +210,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--total-timesteps",
         "--steps",
-        type=int,
+        type=whole_number,
         metavar="N",
         help="environment steps per training (default: from the hyperparameter file)",
     )

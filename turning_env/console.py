@@ -14,6 +14,7 @@ import shutil
 import sys
 import textwrap
 from collections.abc import Callable
+from decimal import Decimal, InvalidOperation
 from pathlib import Path
 from typing import Any, ParamSpec
 
@@ -26,6 +27,9 @@ DONE = 0
 FAILED = 1
 USER_ERROR = 2
 INTERRUPTED = 130
+
+MAX_WHOLE = 2**63 - 1
+"""Largest whole number of an argument: what 64 bits hold."""
 
 _P = ParamSpec("_P")
 
@@ -105,11 +109,29 @@ def number_within(low: float, high: float, unit: str) -> Callable[[str], float]:
     return number
 
 
+def whole_number(text: str) -> int:
+    """Return a whole number, as an argparse type: ``1000000``, ``1_000_000`` and ``1e6`` are one.
+
+    Raises:
+        argparse.ArgumentTypeError: it is no number, has a fraction, or is beyond 64 bits.
+    """
+    try:
+        number = Decimal(text)
+    except InvalidOperation:
+        number = Decimal("nan")
+    # The range comes first: a huge exponent would fill the memory with digits.
+    in_range = number.is_finite() and number.copy_abs() <= MAX_WHOLE
+    if not in_range or number % 1 != 0:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number, such as 1000000 or 1e6")
+    return int(number)
+
+
 def positive(text: str) -> int:
-    """Return a whole number above 0, as an argparse type."""
-    if not text.isdecimal() or int(text) < 1:
+    """Return a whole number above 0, as an argparse type; see ``whole_number``."""
+    number = whole_number(text)
+    if number < 1:
         raise argparse.ArgumentTypeError(f"{text!r} is not a whole number above 0")
-    return int(text)
+    return number
 
 
 def picture_path(text: str) -> Path:

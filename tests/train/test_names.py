@@ -42,6 +42,12 @@ def test_memory_is_a_size_or_a_switch() -> None:
     assert overrides("analytic_gradient", ["memory=false"]) == {"memory": False}
 
 
+def test_a_count_may_be_written_as_a_power_of_ten() -> None:
+    assert overrides("ppo", ["total_timesteps=1e6"]) == {"total_timesteps": 1_000_000}
+    with pytest.raises(ValueError, match=r"total_timesteps is 1\.5, but must be a int"):
+        overrides("ppo", ["total_timesteps=1.5"])
+
+
 def test_commands_on_cards_are_understood() -> None:
     assert overrides("ppo", ["discount=0.9", "hidden_layers=[8]"]) == {
         "gamma": 0.9,

@@ -1,5 +1,6 @@
 """Shared parts of all command lines."""
 
+import argparse
 import json
 import math
 from collections.abc import Callable
@@ -9,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from turning_env.console import exits, print_json, printable
+from turning_env.console import exits, positive, print_json, printable, whole_number
 
 
 def raising(error: BaseException) -> Callable[[], int]:
@@ -89,3 +90,21 @@ def test_json_holds_data_classes_and_arrays_and_no_infinite_numbers(
         "none": None,
         "3": "three",
     }
+
+
+@pytest.mark.parametrize("text", ["1000000", "1_000_000", "1e6", "1E+6", "1000000.0"])
+def test_a_whole_number_may_be_written_in_any_way(text: str) -> None:
+    assert whole_number(text) == 1_000_000
+    assert positive(text) == 1_000_000
+
+
+@pytest.mark.parametrize("text", ["1.5", "1e-3", "nan", "inf", "1e99999999", "2**3", "1 000", ""])
+def test_what_is_no_whole_number_is_refused(text: str) -> None:
+    with pytest.raises(argparse.ArgumentTypeError, match="is not a whole number"):
+        whole_number(text)
+
+
+def test_a_count_is_above_0() -> None:
+    assert whole_number("-3") == -3
+    with pytest.raises(argparse.ArgumentTypeError, match="'0' is not a whole number above 0"):
+        positive("0")

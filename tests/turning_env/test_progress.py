@@ -1,0 +1,33 @@
+"""Progress of long commands without a terminal."""
+
+import sys
+
+import pytest
+from tqdm import tqdm
+
+from turning_env import progress
+
+
+def shown_by_a_training(capsys: pytest.CaptureFixture[str]) -> str:
+    """Return what ten steps and a note in between print on stderr."""
+    bar = progress.progress(total=10, unit="step", desc="ppo, seed 0")
+    for _ in range(10):
+        bar.set_postfix_str("return per episode -3 s", refresh=False)
+        bar.update()
+        tqdm.write("a note", file=sys.stderr)
+    bar.close()
+    return capsys.readouterr().err
+
+
+def test_lines_say_how_far_a_command_is(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(progress, "LINE_EVERY", 0.0)
+    lines = [line for line in shown_by_a_training(capsys).splitlines() if line != "a note"]
+    assert lines[-1].startswith("ppo, seed 0: 100 %, 10 of 10 steps, ")
+    assert all(" left" in line for line in lines)
+    assert lines[-1].endswith(", return per episode -3 s")
+
+
+def test_a_short_command_prints_no_line(capsys: pytest.CaptureFixture[str]) -> None:
+    assert set(shown_by_a_training(capsys).splitlines()) == {"a note"}
