@@ -8,6 +8,7 @@
 
 import argparse
 import re
+import shlex
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -339,19 +340,36 @@ def _report(
 ) -> None:
     """Print the rankings that were played and write the page of all.
 
-    The last lines say where the agents stand, and where the page is.
+    The last lines say where the agents stand, what prints all numbers, and where the page is.
     """
     digests = {task_run.task.digest for task_run in runs}
     played = [leaderboard for leaderboard in leaderboards if leaderboard.task.digest in digests]
-    _print(played, options.json)
+    if options.json:
+        print_json(table.as_data(played))
+    else:
+        _print_tables(played, table.ranking_table)
+    _notify_left_out(played)
     path = options.results / PAGE
     _write_page(leaderboards, path)
     notes = sys.stderr if options.json else sys.stdout
     labels = {policy.label for task_run in runs for policy in task_run.policies}
     for leaderboard in played:
-        for line in table.agent_places(leaderboard, labels):
+        lines = table.agent_places(leaderboard, labels) + table.same_returns(leaderboard, labels)
+        for line in lines:
             print(line, file=notes)
+    print(f"all numbers: {_show_command(options.results, played)}", file=notes)
     print(f"wrote {path}", file=notes)
+
+
+def _show_command(results: Path, leaderboards: Sequence[Leaderboard]) -> str:
+    """Return the command that prints all numbers of leaderboards."""
+    words = ["python", "-m", "leaderboard", "show", "--results", str(results)]
+    if len(leaderboards) == 1:
+        task = leaderboards[0].task
+        words += ["--env", task.env_id, "--scenario", task.scenario.name]
+    else:
+        words.append("--all")
+    return shlex.join(words)
 
 
 def _failures(reasons: Sequence[ResultError]) -> str:
@@ -384,7 +402,11 @@ def _show(options: argparse.Namespace) -> None:
     if options.markdown is not None:
         print(table.selection(leaderboards, options.markdown, options.policies))
         return
-    _print(leaderboards, options.json)
+    if options.json:
+        print_json(table.as_data(leaderboards))
+    else:
+        _print_tables(leaderboards, table.render)
+    _notify_left_out(leaderboards)
     if not options.all and len(_result_folders(options.results)) > 1:
         print("--all prints the other leaderboards", file=sys.stderr)
 
@@ -642,16 +664,19 @@ def _result_folders(results: Path) -> list[Path]:
     return sorted(path.parent for path in results.glob(f"*/*/{MANIFEST_FILE}"))
 
 
-def _print(leaderboards: Sequence[Leaderboard], as_json: bool) -> None:
-    """Print rankings, and name results on other tasks on stderr."""
-    if as_json:
-        print_json(table.as_data(leaderboards))
-    else:
-        for leaderboard in leaderboards:
-            print(table.render(leaderboard) + "\n")
-        across = table.across(leaderboards)
-        if across is not None:
-            print(table.render_across(across) + "\n")
+def _print_tables(
+    leaderboards: Sequence[Leaderboard], text_of: Callable[[Leaderboard], str]
+) -> None:
+    """Print rankings, and costs over splits if there are any."""
+    for leaderboard in leaderboards:
+        print(text_of(leaderboard) + "\n")
+    across = table.across(leaderboards)
+    if across is not None:
+        print(table.render_across(across) + "\n")
+
+
+def _notify_left_out(leaderboards: Sequence[Leaderboard]) -> None:
+    """Name results on other tasks on stderr."""
     left_out = []
     for leaderboard in leaderboards:
         left_out += leaderboard.left_out

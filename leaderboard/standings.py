@@ -95,7 +95,8 @@ class Standing:
     broken_share: float | None = None  # of edges used up
     used_life: float | None = None  # at the end
     # The following are of families, whose volumes and edges do not add up.
-    # Cost of time, edges, overload and breakage over the worth of the metal.
+    # Cost of time, edges, overload and breakage over the worth of the metal; None if some resample
+    # of the jobs removes no metal.
     full_cost_share: Estimate | None = None
     over_truth: Estimate | None = None  # over the best rule with true laws [s]
     worst_return: float | None = None  # of a job [s]
@@ -471,11 +472,14 @@ class _Comparison:
             for other in self.played.values()
             if other.policy.knows == "true_laws"
         }
+        full_cost_share = None
+        # A resample without metal has no such share.
+        if np.all(worth_replicates > 0.0):
+            share = cost.mean() / worth.mean()
+            full_cost_share = Estimate.of(share, cost_replicates / worth_replicates)
         return replace(
             standing,
-            full_cost_share=Estimate.of(
-                cost.mean() / worth.mean(), cost_replicates / worth_replicates
-            ),
+            full_cost_share=full_cost_share,
             over_truth=self._difference(played, highest(with_true_laws)),
             worst_return=float(played.returns.min()),
             feasible_jobs=float(is_feasible.mean()),

@@ -10,6 +10,7 @@ from leaderboard.columns import (
     TRAINING_GROUPS,
     Cell,
     Column,
+    applying,
     groups,
     ranking,
 )
@@ -62,22 +63,70 @@ def as_data(leaderboards: Sequence[Leaderboard]) -> dict[str, Any]:
 
 def render(leaderboard: Leaderboard) -> str:
     """Return a leaderboard as tables, one per subject, under a line that names the task."""
-    task = leaderboard.task
-    lines = [
-        f"{task.env_id}, scenario {task.scenario.name}, {len(task.seeds)} seeds, "
-        f"task {task.digest[:12]}, ranked by {ranking(task.scenario).heading}"
-    ]
+    lines = [_title(leaderboard)]
     for heading, columns in groups(leaderboard.standings).items():
-        titles = ["rank", "policy", "trainings", "feasible"]
-        units = ["", "", "", ""]
-        for column in columns:
-            titles.append(column.heading)
-            units.append(_in_brackets(column.unit))
-        rows = [titles, units]
+        rows = _headings(["rank", "policy", "trainings", "feasible"], columns)
         for row in _rows(leaderboard.standings, columns):
             rows.append([row.rank, row.policy, row.trainings, row.feasible, *row.numbers])
         lines += ["", heading, "", aligned(rows, left=1)]
+    labels = [result.policy.label for result in leaderboard.results]
+    alike = same_returns(leaderboard, labels)
+    if alike:
+        lines += ["", *alike]
     return "\n".join(lines)
+
+
+def _title(leaderboard: Leaderboard) -> str:
+    """Return the line that names a leaderboard's task."""
+    task = leaderboard.task
+    return (
+        f"{task.env_id}, scenario {task.scenario.name}, {len(task.seeds)} seeds, "
+        f"task {task.digest[:12]}, ranked by {ranking(task.scenario).heading}"
+    )
+
+
+def ranking_table(leaderboard: Leaderboard) -> str:
+    """Return the ranking as one table, under the line that names the task.
+
+    It has the number that ranks policies and the score; ``render`` has all numbers.
+    """
+    by_rank = ranking(leaderboard.task.scenario)
+    columns = applying([by_rank, COLUMNS["score"]], leaderboard.standings)
+    rows = _headings(["rank", "policy", "kind", "feasible"], columns)
+    for row in _rows(leaderboard.standings, columns):
+        rows.append([row.rank, row.policy, row.kind, row.feasible, *row.numbers])
+    return f"{_title(leaderboard)}\n\n{aligned(rows, left=1)}"
+
+
+def _headings(first: Sequence[str], columns: Sequence[Column]) -> list[list[str]]:
+    """Return the first two rows of a table: headings and units."""
+    titles = list(first)
+    units = [""] * len(first)
+    for column in columns:
+        titles.append(column.heading)
+        units.append(_in_brackets(column.unit))
+    return [titles, units]
+
+
+def same_returns(leaderboard: Leaderboard, labels: Collection[str]) -> list[str]:
+    """Return a line on each group of policies with the same return on every seed.
+
+    They act alike: perhaps one is a copy. A group has a policy with one of the ``labels``.
+    """
+    groups_by_returns: dict[tuple[float, ...], list[str]] = {}
+    for result in leaderboard.results:
+        returns = tuple(result.episodes["return"])
+        groups_by_returns.setdefault(returns, []).append(result.policy.label)
+
+    names = leaderboard.names
+    lines = []
+    for group in groups_by_returns.values():
+        # Training seeds of one agent may be alike.
+        alike = sorted({names[label] for label in group})
+        if len(alike) > 1 and not set(labels).isdisjoint(group):
+            seeds = len(leaderboard.task.seeds)
+            lines.append(f"{', '.join(alike)}: same returns on all {seeds} seeds")
+    return lines
 
 
 def selection(
@@ -198,6 +247,7 @@ class _Row:
 
     rank: str
     policy: str
+    kind: str
     trainings: str
     feasible: str
     numbers: list[str]  # one for each column
@@ -212,6 +262,7 @@ def _rows(standings: Sequence[Standing], columns: Sequence[Column]) -> Iterator[
         yield _Row(
             rank=str(place) if standing.unranked is None else "",
             policy=f"{standing.name} (yours)" if standing.own else standing.name,
+            kind=standing.kind,
             trainings=str(len(standing.training_seeds) or ""),
             feasible=VERDICTS[standing.feasibility] if standing.kind != "oracle" else "",
             numbers=[_text(cell) for cell in cells],

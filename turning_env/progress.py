@@ -26,14 +26,13 @@ class Lines(tqdm):  # type: ignore[type-arg]
         options["bar_format"] = f"{_DONE}, {_TIMES}{{postfix}}"
         super().__init__(*args, **options)
 
-    def display(self, msg: str | None = None, pos: int | None = None) -> bool:
+    def display(self, msg: str | None = None, pos: int | None = None) -> None:
         """Print a line if the last one is long ago."""
         now = time.monotonic()
         if now < self._next_line:
-            return False
+            return
         self._next_line = now + LINE_EVERY
         print(self, file=self.fp, flush=True)
-        return True
 
     def clear(self, nolock: bool = False) -> None:
         """Clear nothing: lines stay."""

@@ -49,12 +49,17 @@ LOWEST = PolicySpec(name=NOMINAL_SHARE)
 ORACLE = PolicySpec(name=CAUSAL, kind="oracle")
 
 
-def played(policy: PolicySpec, returns: Floats, severe_time: Floats | float = 0.0) -> Result:
+def played(
+    policy: PolicySpec,
+    returns: Floats,
+    severe_time: Floats | float = 0.0,
+    worth: Floats | float = WORTH,
+) -> Result:
     """Return a made-up result of a policy, given its returns, shape (JOBS,)."""
     severe_overload_time = np.broadcast_to(np.asarray(severe_time), JOBS)
     episodes = {
         "return": returns,
-        "reward_metal": np.full(JOBS, WORTH),
+        "reward_metal": np.broadcast_to(np.asarray(worth), JOBS),
         "steps": np.full(JOBS, 60.0),
         "engaged_time": np.full(JOBS, 100.0),
         "severe_overload_time": severe_overload_time,
@@ -114,6 +119,14 @@ def test_numbers_of_jobs_by_hand(compared: dict[str, Standing]) -> None:
     assert agent.feasible_jobs == 1.0
     assert agent.worst_return == pytest.approx(-101.0)
     assert value(agent.full_cost_share) == pytest.approx((WORTH - 5.0) / WORTH)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_policy_that_may_remove_no_metal_has_no_share_of_its_worth() -> None:
+    # Some resamples leave out the only job with metal.
+    worth = np.where(np.arange(JOBS) == 0, WORTH, 0.0)
+    (standing,) = rank([played(RULE, np.full(JOBS, -9.0), worth=worth)])
+    assert standing.full_cost_share is None
 
 
 def test_scores_lie_between_fixed_parameters_and_the_oracle() -> None:

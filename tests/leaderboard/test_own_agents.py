@@ -73,7 +73,7 @@ def test_an_own_agent_stands_beside_the_shipped_one(
     assert own == {"fixed_handbook": False, "ppo": False, "my_ppo": True}
     assert "my_ppo (yours)" in captured.out
     assert "ppo comes with the project; --name" in captured.err
-    of_the_shipped, _, of_mine, merit, written = captured.out.splitlines()[-5:]
+    of_the_shipped, _, of_mine, merit, _, written = captured.out.splitlines()[-6:]
     assert of_the_shipped.startswith("agent that ships with the project: rank ")
     assert of_mine.startswith("your agent: rank ")
     for line in (of_the_shipped, of_mine):
@@ -160,7 +160,7 @@ def test_code_of_ones_own_is_ranked_and_played_again_each_time(
     for speed in (0.0, 1.0):
         monkeypatch.setitem(sys.modules, "some_policy", code_of_a_policy(speed))
         assert main([*words, "--policy", "some_policy:steady", "--name", "mine"]) == 0
-        place, _, _ = capsys.readouterr().out.splitlines()[-3:]
+        place, *_ = capsys.readouterr().out.splitlines()[-4:]
         assert place.startswith("your agent: rank ")
         assert "mine on" in place
         returns.append(only(path).episodes["return"])
@@ -178,5 +178,5 @@ def test_a_run_and_a_score_give_one_rank(
     words = ["run", "--env", env_id, "--results", str(tmp_path / "results")]
     assert main([*words, "--policies", "idle", "--policy", "slow:policy"]) == 0
     scored = score("slow:policy", env_id)
-    place, _, _ = capsys.readouterr().out.splitlines()[-3:]
+    place, *_ = capsys.readouterr().out.splitlines()[-4:]
     assert place.startswith(f"your agent: rank {scored.rank} of {scored.ranked}, return ")

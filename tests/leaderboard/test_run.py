@@ -2,6 +2,7 @@
 
 import json
 import math
+import shlex
 from pathlib import Path
 
 import numpy as np
@@ -193,7 +194,7 @@ def test_other_ids_have_no_splits(tmp_path: Path, capsys: pytest.CaptureFixture[
 
 
 @pytest.mark.slow
-def test_run_prints_the_ranking_as_show_does(
+def test_run_prints_the_ranking_and_the_command_that_shows_all_numbers(
     tmp_path: Path, scenario: Scenario, capsys: pytest.CaptureFixture[str]
 ) -> None:
     scenario.save(tmp_path / "short.toml")
@@ -203,11 +204,19 @@ def test_run_prints_the_ranking_as_show_does(
     show = ["show", "--results", str(results)]
 
     assert main(run) == 0
-    *ranking, last = capsys.readouterr().out.splitlines()
+    title, *ranking, numbers, last = capsys.readouterr().out.splitlines()
     assert last == f"wrote {results / 'index.html'}"
-    assert "fixed_handbook" in "\n".join(ranking)
+    assert "full cost" not in "\n".join(ranking)
+    _, _, command = numbers.partition("python -m leaderboard ")
+    assert main(shlex.split(command)) == 0
+    shown = capsys.readouterr().out
+    assert shown.splitlines()[0] == title
+    assert "full cost" in shown
+    for name in ("fixed_handbook", "grid_search"):
+        assert any(name in row for row in ranking)
+        assert name in shown
     assert main(show) == 0
-    assert capsys.readouterr().out.splitlines() == ranking
+    assert capsys.readouterr().out == shown
 
     # With --json, stdout holds all numbers and nothing else.
     assert main([*run, "--json"]) == 0

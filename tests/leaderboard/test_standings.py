@@ -356,6 +356,40 @@ def test_agents_are_shown_without_a_rank_where_the_wear_rule_can_be_gamed(
     assert "not ranked: " in page.render([board])
 
 
+def test_policies_with_the_same_returns_are_named(make_result: MakeResult) -> None:
+    board = leaderboard_of(
+        [
+            make_result("copy", 0, returns=[1.0, 2.0, 3.0, 4.0]),
+            make_result("first", returns=[1.0, 2.0, 3.0, 4.0]),
+            make_result("other", returns=[1.0, 2.0, 3.0, 5.0]),
+            # Training seeds of one agent that are alike.
+            make_result("agent", 0, returns=7.0),
+            make_result("agent", 1, returns=7.0),
+        ]
+    )
+    same = "copy, first: same returns on all 4 seeds"
+    assert table.same_returns(board, ["copy-seed0", "other", "agent-seed0"]) == [same]
+    assert table.same_returns(board, ["other"]) == []
+    assert table.render(board).splitlines()[-1] == same
+
+
+def test_the_ranking_is_one_table_with_the_score(make_result: MakeResult) -> None:
+    oracle = spec("causal", kind="oracle")
+    board = leaderboard_of(
+        [
+            make_result("fixed_tuned", returns=0.0),
+            make_result("mine", 0, returns=50.0),
+            make_result("causal", policy=oracle, returns=100.0),
+        ]
+    )
+    _, _, titles, _, *rows = table.ranking_table(board).splitlines()
+    assert titles.split() == ["rank", "policy", "kind", "feasible", "return", "score"]
+    cells = [row.split() for row in rows]
+    assert cells[0][:6] == ["1", "mine", "(yours)", "agent", "yes", "50"]
+    assert cells[1][:5] == ["2", "fixed_tuned", "rule", "yes", "0"]
+    assert cells[2][:3] == ["causal", "oracle", "100"]
+
+
 def test_agents_are_ranked_elsewhere(make_result: MakeResult) -> None:
     (standing,) = rank([make_result("learned", 0)])
     assert standing.unranked is None
