@@ -6,8 +6,8 @@
 
 The parameters of ``my_mill.toml`` go to ``my_mill.tuned.json`` beside it, where all commands find
 them. Every rule gets the same number of trials on the same tuning seeds, however many parameters it
-has. The file states this budget, also in episodes and steps. An agent's budget is ``steps`` in
-``train/hyperparameters/ppo.toml``. With ``--jobs``, rules are tuned in parallel, with the same
+has. The file states this budget, also in episodes and steps. An agent's budget is
+``total_timesteps`` in ``train/ppo.py``. With ``--jobs``, rules are tuned in parallel, with the same
 result.
 
 The first trial is the middle of every range; a tree-structured Parzen estimator chooses the others.

@@ -37,7 +37,7 @@ from turning_env.scoring.statistics import Bootstrap, Estimate, severe_share
 ALGORITHMS = ("bc", "iql", "cql", "td3_bc")
 STEPS = 3000  # gradient steps
 BATCH_SIZE = 256
-# Discount, reward scale and networks are those of PPO (train/hyperparameters/ppo.toml).
+# Discount, reward scale and networks are those of PPO (train/ppo.py).
 GAMMA = 0.8
 REWARD_SCALE = 1 / 3
 NET_ARCH = [64, 64]

@@ -291,6 +291,23 @@ def plays(scenario: Scenario) -> bool:
     return scenario.control.action in TargetCommands.ACTIONS and scenario.control.aim == "removal"
 
 
+DEFAULTS: dict[str, Any] = {
+    "total_timesteps": 12_000_000,  # environment steps of the whole training
+    "num_envs": 256,  # environments side by side
+    "n_steps": 64,  # steps per environment between updates, and the reach of gradients
+    "batch_envs": 128,  # environments in one step of gradient descent
+    "n_epochs": 2,  # how often each rollout is used
+    "cells": 64,  # of the GRU
+    "learning_rate": 2e-3,  # falls linearly ...
+    "final_learning_rate": 1e-5,  # ... to this
+    "exploration": 0.05,  # standard deviation of the noise on actions
+    "max_grad_norm": 1.0,
+    "reward_scale": 1.0,  # the gradient does not use rewards
+    "memory": True,  # the GRU remembers
+    "position": True,  # the agent tracks its position along the bar
+    "life_price": "marginal",  # p(D) in place of the flat charge ("flat")
+}
+
 SEARCH = {
     "learning_rate": FloatDistribution(3e-4, 3e-3, log=True),
     "n_steps": CategoricalDistribution([32, 64, 128]),
@@ -302,6 +319,7 @@ ALGORITHM = Algorithm(
     model=AnalyticGradient,
     new_model=new_model,
     network=network,
+    defaults=DEFAULTS,
     search=SEARCH,
     training_information=("model gradients", "true states", "life price", "spreads", "geometry"),
     vec_env=HindsightVecEnv,

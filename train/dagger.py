@@ -23,7 +23,7 @@ import math
 import sys
 from collections.abc import Callable
 from copy import deepcopy
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any, Literal, Self
 
@@ -97,17 +97,13 @@ class TaughtVecEnv(RoughTurningVecEnv):
 
     def __init__(
         self,
-        scenario: Scenario | Family,
+        family: Family,
         num_envs: int,
         reward_scale: float = 1.0,
         wrapper: Callable[[Any], Any] | None = None,
     ) -> None:
-        if not isinstance(scenario, Family):
-            raise ValueError(
-                f"the teacher plays the jobs of a family, not scenario {scenario.name!r}:"
-                " choose --env RoughTurning-Family-v0"
-            )
-        super().__init__(scenario, num_envs, reward_scale)
+        # No wrapper: the teacher reads plain observations, and beliefs are added here.
+        super().__init__(family, num_envs, reward_scale)
         self.observation_space = with_belief(self.observation_space)
 
     def reset(self) -> NDArray[np.float32]:
@@ -432,6 +428,18 @@ def network(policy: Student) -> Feedforward:
     return Feedforward(policy.average)
 
 
+DEFAULTS: dict[str, Any] = {
+    "total_timesteps": 6_144_000,  # environment steps of the whole training, some 1,600 jobs
+    "num_envs": 256,  # jobs side by side
+    "learning_rate": 1e-3,  # falls linearly ...
+    "final_learning_rate": 1e-5,  # ... to this
+    "net_arch": [384, 384],
+    "activation_fn": "relu",  # or "tanh"
+    "reward_scale": 1.0,  # factor on rewards [s], which teach nothing here
+    "belief": True,  # shows the estimates of the optimisers' filter: baselines/belief.py
+}
+DEFAULTS |= asdict(Plan()) | asdict(ErrorCosts())
+
 SEARCH = {
     "learning_rate": FloatDistribution(3e-4, 3e-3, log=True),
     "excess_weight": FloatDistribution(1.0, 5.0, log=True),
@@ -442,9 +450,11 @@ ALGORITHM = Algorithm(
     model=Dagger,
     new_model=new_model,
     network=network,
+    defaults=DEFAULTS,
     search=SEARCH,
     training_information=("rule's actions",),
     vec_env=TaughtVecEnv,
+    single_scenarios=False,
 )
 
 

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from baselines.guided import HOLD, GuidedRule, decision_space, feature_space
 from train import ppo
 from train.training import command_line
-from turning_env import Family, FamilyVectorEnv, Scenario
+from turning_env import Family, FamilyVectorEnv
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 
 
@@ -37,20 +37,17 @@ class GuidedVecEnv(RoughTurningVecEnv):
 
     def __init__(
         self,
-        scenario: Scenario | Family,
+        family: Family,
         num_envs: int,
         reward_scale: float = 1.0,
         wrapper: Callable[[Any], Any] | None = None,
     ) -> None:
-        if not isinstance(scenario, Family):
-            raise ValueError(
-                f"a guide learns on the jobs of a family, not on scenario {scenario.name!r}"
-            )
-        super().__init__(scenario, num_envs, reward_scale)
-        self._family = scenario
+        # No wrapper: the rule reads plain observations, and the guide sees features of the rule.
+        super().__init__(family, num_envs, reward_scale)
+        self._family = family
         # This class starts episodes itself: the rule must know when its job starts again.
-        self.vector_env = FamilyVectorEnv(num_envs, scenario, autoreset_mode=AutoresetMode.DISABLED)
-        self.observation_space = feature_space(len(scenario.context_names))
+        self.vector_env = FamilyVectorEnv(num_envs, family, autoreset_mode=AutoresetMode.DISABLED)
+        self.observation_space = feature_space(len(family.context_names))
         self.action_space = decision_space()
 
     def reset(self) -> NDArray[np.float32]:
@@ -111,7 +108,35 @@ class GuidedVecEnv(RoughTurningVecEnv):
         self._lengths[mask] = 0
 
 
-ALGORITHM = replace(ppo.ALGORITHM, name="guided_ppo", vec_env=GuidedVecEnv)
+DEFAULTS: dict[str, Any] = {
+    "total_timesteps": 1_500_000,  # decisions, each of 30 environment steps
+    "num_envs": 1024,  # jobs, each in an environment of its own
+    "n_steps": 24,  # decisions per environment between updates
+    "batch_size": 2048,
+    "n_epochs": 4,
+    "gamma": 0.98,  # per half a minute: a horizon of 25 min
+    "gae_lambda": 0.9,
+    "learning_rate": 7e-4,  # falls linearly ...
+    "final_learning_rate": 1e-5,  # ... to this
+    "clip_range": 0.2,
+    "ent_coef": 0.0,
+    "vf_coef": 0.5,
+    "max_grad_norm": 0.5,
+    "net_arch": [64, 64],  # for policy and value function each
+    "activation_fn": "tanh",  # or "relu"
+    "log_std_init": -1.0,
+    "initial_actions": [0.0, 0.2],  # near the best constants
+    "reward_scale": 0.01,  # factor on rewards [s]
+    "guide": True,  # its actions are decisions: baselines/guided.py
+}
+
+ALGORITHM = replace(
+    ppo.ALGORITHM,
+    name="guided_ppo",
+    defaults=DEFAULTS,
+    vec_env=GuidedVecEnv,
+    single_scenarios=False,
+)
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -104,6 +104,32 @@ def callbacks(run: Run) -> list[BaseCallback]:
     return [Adaptation(run)]
 
 
+DEFAULTS: dict[str, Any] = {
+    "total_timesteps": 6_000_000,  # environment steps of the whole training
+    "num_envs": 128,  # environments side by side
+    "n_steps": 128,  # steps per environment between updates
+    "batch_size": 2048,
+    "n_epochs": 5,
+    # A horizon of about 5 s: life is charged as it is used, so a longer one only adds noise.
+    "gamma": 0.8,
+    "gae_lambda": 0.95,
+    "learning_rate": 1e-3,  # falls linearly ...
+    "final_learning_rate": 1e-5,  # ... to this
+    "clip_range": 0.2,
+    "ent_coef": 0.0,
+    "vf_coef": 0.5,
+    "max_grad_norm": 0.5,
+    "net_arch": [64, 64],  # for policy and value function each
+    "activation_fn": "relu",  # or "tanh"
+    "log_std_init": -1.0,
+    "reward_scale": 0.3333333333,  # factor on rewards [s]
+    "initial_multiplier": 1.0,  # [s] per second of severe overload
+    # Growth of its logarithm per rollout and excess share of severe overload.
+    "multiplier_rate": 2.0,
+    # Of limits.overload_allowance: exploration overloads more than the finished agent.
+    "share_of_allowance": 0.9,
+}
+
 SEARCH = ppo.SEARCH | {
     "multiplier_rate": FloatDistribution(0.1, 10.0, log=True),
     "share_of_allowance": FloatDistribution(0.5, 1.0),
@@ -114,6 +140,7 @@ ALGORITHM = Algorithm(
     model=ppo.LeanPPO,
     new_model=new_model,
     network=ppo.network,
+    defaults=DEFAULTS,
     search=SEARCH,
     training_information=("rewards", "overload share"),
     vec_env=AllowanceVecEnv,

@@ -207,6 +207,20 @@ def network(policy: LinearPolicy) -> Feedforward:
     return Feedforward(policy.action_net)
 
 
+DEFAULTS: dict[str, Any] = {
+    "total_timesteps": 40_000_000,  # environment steps of the whole training
+    # Environments side by side: population_size times the episodes that each candidate plays.
+    "num_envs": 128,
+    "population_size": 16,  # candidates of a generation
+    "sigma": 0.3,  # initial standard deviation of the policy's numbers
+    "episode_steps": 0,  # steps of an episode that count, the rest is cut off; 0: all
+    "reward_scale": 1.0,  # factor on rewards [s]
+    "belief": False,  # shows the estimates of the optimisers' filter: baselines/belief.py
+    "position": False,  # tells the position along the bar: train/terms.py
+    "frames": 1,  # successive observations that the agent sees
+    "hides_context": False,  # hides the numbers of a family's nominal models
+}
+
 SEARCH = {
     "sigma": FloatDistribution(0.05, 1.0, log=True),
     "population_size": IntDistribution(8, 32, step=8),
@@ -217,6 +231,7 @@ ALGORITHM = Algorithm(
     model=LinearCmaEs,
     new_model=new_model,
     network=network,
+    defaults=DEFAULTS,
     search=SEARCH,
     training_information=("rewards",),
     vec_env=GroupedVecEnv,

@@ -234,6 +234,33 @@ def network(policy: Any) -> Feedforward:
     return Feedforward(policy.mlp_extractor.policy_net, policy.action_net)
 
 
+DEFAULTS: dict[str, Any] = {
+    "total_timesteps": 6_000_000,  # environment steps of the whole training
+    "num_envs": 512,  # environments side by side
+    "n_steps": 32,  # steps per environment between updates
+    "batch_size": 2048,
+    "n_epochs": 3,
+    # A horizon of about 5 s: life is charged as it is used, so a longer one only adds noise.
+    "gamma": 0.8,
+    "gae_lambda": 0.95,
+    "learning_rate": 2e-3,  # falls linearly ...
+    "final_learning_rate": 1e-5,  # ... to this
+    "clip_range": 0.2,
+    "ent_coef": 0.0,
+    "vf_coef": 0.5,
+    "max_grad_norm": 0.5,
+    "net_arch": [64, 64],  # for policy and value function each
+    "activation_fn": "relu",  # or "tanh"
+    "log_std_init": -1.0,
+    "reward_scale": 0.3333333333,  # factor on rewards [s]
+    "belief": False,  # shows the estimates of the optimisers' filter: baselines/belief.py
+    "position": False,  # tells the position along the bar: train/terms.py
+    "frames": 1,  # successive observations that the agent sees
+    "life_price": "flat",  # charge for the edge's life: "flat", "marginal" (p(D)) or "end"
+    "hides_context": False,  # hides the numbers of a family's nominal models
+    "asymmetric": False,  # shows the critic the hidden state: train/terms.py
+}
+
 SEARCH = {
     "learning_rate": FloatDistribution(3e-4, 3e-3, log=True),
     "gamma": FloatDistribution(0.5, 0.999),
@@ -246,6 +273,7 @@ ALGORITHM = Algorithm(
     model=LeanPPO,
     new_model=new_model,
     network=network,
+    defaults=DEFAULTS,
     search=SEARCH,
     training_information=("rewards",),
 )

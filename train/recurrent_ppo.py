@@ -8,6 +8,7 @@ Schmidhuber 1997, doi 10.1162/neco.1997.9.8.1735; Schulman et al. 2017, arXiv 17
 """
 
 import sys
+from typing import Any
 
 import torch
 from optuna.distributions import CategoricalDistribution, FloatDistribution, IntDistribution
@@ -52,6 +53,32 @@ def new_model(run: Run, vec_env: VecEnv) -> RecurrentPPO:
     return RecurrentPPO("MlpLstmPolicy", vec_env, **arguments)
 
 
+DEFAULTS: dict[str, Any] = {
+    "total_timesteps": 1_200_000,  # environment steps of the whole training
+    "num_envs": 64,  # environments side by side
+    "n_steps": 64,  # steps per environment between updates
+    "batch_size": 1024,
+    "n_epochs": 4,
+    "gamma": 0.8,  # as for PPO
+    "gae_lambda": 0.95,
+    "learning_rate": 1e-3,  # falls linearly ...
+    "final_learning_rate": 1e-5,  # ... to this
+    "clip_range": 0.2,
+    "ent_coef": 0.0,
+    "vf_coef": 0.5,
+    "max_grad_norm": 0.5,
+    "lstm_hidden_size": 32,  # of the LSTM
+    "enable_critic_lstm": True,  # otherwise it sees the present observation only
+    "net_arch": [64],  # behind the LSTM, for policy and value function each
+    "activation_fn": "relu",  # or "tanh"
+    "log_std_init": -1.0,
+    "reward_scale": 0.3333333333,  # factor on rewards [s]
+    "belief": False,  # shows the estimates of the optimisers' filter: baselines/belief.py
+    "position": False,  # tells the position along the bar: train/terms.py
+    "frames": 1,  # successive observations that the agent sees
+    "life_price": "flat",  # charge for the edge's life: "flat", "marginal" (p(D)) or "end"
+}
+
 SEARCH = {
     "learning_rate": FloatDistribution(3e-4, 3e-3, log=True),
     "gamma": FloatDistribution(0.5, 0.999),
@@ -64,6 +91,7 @@ ALGORITHM = Algorithm(
     model=RecurrentPPO,
     new_model=new_model,
     network=RecurrentActor,
+    defaults=DEFAULTS,
     search=SEARCH,
     training_information=("rewards",),
     # The states of the LSTMs at the end of the last rollout, from which the next one goes on.

@@ -1,6 +1,7 @@
 """A training run: its settings and its files. It leaves the training itself to ``training.py``."""
 
 import csv
+import importlib
 import json
 import math
 import sys
@@ -16,8 +17,18 @@ from turning_env.scenario.section import names_instead
 from turning_env.scoring.policy import ScenarioId
 
 HYPERPARAMETERS = Path(__file__).parent / "hyperparameters"
-ALGORITHMS = tuple(sorted(path.stem for path in HYPERPARAMETERS.glob("*.toml")))
-"""Names of the algorithms: each has a hyperparameter file, and a Python file of the same name."""
+ALGORITHMS = (
+    "analytic_gradient",
+    "dagger",
+    "guided_ppo",
+    "lagrangian_ppo",
+    "linear_cma_es",
+    "ppo",
+    "recurrent_ppo",
+    "sac",
+    "tqc",
+)
+"""Names of the algorithms: each has a Python file of this name, which declares ``ALGORITHM``."""
 CURVE_COLUMNS = ("steps", "wall_time", "mean_return")
 """Columns of a learning curve: environment steps; seconds of training without interruptions; mean
 return [s] of the last 100 episodes, in which the agent explores. An algorithm may add columns."""
@@ -67,51 +78,69 @@ def current_names(parameters: Mapping[str, Any]) -> dict[str, Any]:
     return current
 
 
-def _tables(algorithm: str) -> dict[str, dict[str, Any]]:
-    path = HYPERPARAMETERS / f"{algorithm}.toml"
-    if not path.is_file():
+def _defaults(algorithm: str) -> dict[str, Any]:
+    """Return the default hyperparameters, which an algorithm's Python file declares."""
+    if algorithm not in ALGORITHMS:
+        instead = names_instead(algorithm, ALGORITHMS, "python -m train.tune --help")
         raise ValueError(
-            f"{algorithm} has no hyperparameters: write {path}, with a table [default]"
+            f"no algorithm is called {algorithm!r}; {instead} "
+            "(a new one needs a line in ALGORITHMS of train/run.py)"
         )
-    return tomllib.loads(path.read_text("utf-8"))
+    # Imported here, because the files of algorithms import this module.
+    module = importlib.import_module(f"train.{algorithm}")
+    return dict(module.ALGORITHM.defaults)
+
+
+def _tables(algorithm: str) -> dict[str, dict[str, Any]]:
+    """Return the hyperparameters that differ from the defaults, by id; without a file, none do."""
+    path = HYPERPARAMETERS / f"{algorithm}.toml"
+    return tomllib.loads(path.read_text("utf-8")) if path.is_file() else {}
 
 
 def hyperparameters(algorithm: str, env_id: str) -> dict[str, Any]:
     """Return an algorithm's hyperparameters for an id.
 
-    They are the defaults of its file, updated with the id's table.
+    They are its defaults, updated with the id's table in its hyperparameter file, if it has one.
+
+    Raises:
+        ValueError: there is no such algorithm.
     """
-    tables = _tables(algorithm)
-    return tables["default"] | tables.get(env_id, {})
+    return _defaults(algorithm) | _tables(algorithm).get(env_id, {})
+
+
+def examples(algorithm: str) -> dict[str, Any]:
+    """Return a value of each hyperparameter of an algorithm: its default or, without one, an id's.
+
+    Raises:
+        ValueError: there is no such algorithm.
+    """
+    values = _defaults(algorithm)
+    for table in _tables(algorithm).values():
+        for name, value in table.items():
+            values.setdefault(name, value)
+    return values
 
 
 def overrides(algorithm: str, settings: Iterable[str]) -> dict[str, Any]:
     """Parse hyperparameters ``KEY=VALUE``, also under their older names.
 
     Raises:
-        ValueError: the algorithm's file has no such hyperparameter, or one of another type.
+        ValueError: the algorithm has no such hyperparameter, or one of another type.
     """
-    tables = _tables(algorithm)
-    default = tables.pop("default")
-    examples: dict[str, Any] = {}
-    for table in tables.values():
-        examples |= table
-    # Defaults last: the type of a default counts more than that of an id's value.
-    examples |= default
-
+    known = examples(algorithm)
     values = {}
     for setting in settings:
         name, _, text = (part.strip() for part in setting.partition("="))
-        if name not in examples:
+        if name not in known:
             name = OLD_NAMES.get(name, name)
-        if name not in examples:
-            instead = names_instead(name, examples, f"cat train/hyperparameters/{algorithm}.toml")
+        if name not in known:
+            instead = names_instead(name, known, f"python -m train.{algorithm} --help")
             raise ValueError(f"{algorithm} has no hyperparameter {name!r}; {instead}")
         try:
             value = tomllib.loads(f"value = {text}")["value"]
         except ValueError:  # no TOML: a text without quotation marks
             value = text
-        values[name] = _typed(name, value, examples[name])
+        values[name] = _typed(name, value, known[name])
     return values
 
 
@@ -206,7 +235,7 @@ class Run:
     ) -> "Run":
         """Return a run in its own folder below ``runs``.
 
-        Its hyperparameters are those of the hyperparameter file, updated with those given.
+        Its hyperparameters are the algorithm's for the id, updated with those given.
         """
         defaults = hyperparameters(algorithm, env_id)
         return cls(

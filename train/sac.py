@@ -63,6 +63,28 @@ def network(policy: Any) -> Feedforward:
     return Feedforward(policy.actor.latent_pi, policy.actor.mu, torch.nn.Tanh())
 
 
+DEFAULTS: dict[str, Any] = {
+    "total_timesteps": 1_500_000,  # environment steps of the whole training
+    "num_envs": 128,  # environments side by side
+    "learning_starts": 20_000,  # with random actions, before learning starts
+    "buffer_size": 1_500_000,  # size of the replay buffer: all steps
+    "batch_size": 512,
+    "gradient_steps": 1,  # after each step of all environments
+    "gamma": 0.8,  # as for PPO
+    "tau": 0.02,  # update rate of the target networks
+    "learning_rate": 1e-3,  # falls linearly ...
+    "final_learning_rate": 1e-5,  # ... to this
+    "initial_ent_coef": 0.1,
+    "target_entropy_per_action": -1.0,
+    "net_arch": [64, 64],  # for policy and value functions each
+    "activation_fn": "relu",  # or "tanh"
+    "reward_scale": 0.3333333333,  # factor on rewards [s]
+    "belief": False,  # shows the estimates of the optimisers' filter: baselines/belief.py
+    "position": False,  # tells the position along the bar: train/terms.py
+    "frames": 1,  # successive observations that the agent sees
+    "life_price": "flat",  # charge for the edge's life: "flat", "marginal" (p(D)) or "end"
+}
+
 SEARCH = {
     "learning_rate": FloatDistribution(3e-4, 3e-3, log=True),
     "gamma": FloatDistribution(0.5, 0.999),
@@ -75,6 +97,7 @@ ALGORITHM = Algorithm(
     model=SAC,
     new_model=new_model,
     network=network,
+    defaults=DEFAULTS,
     search=SEARCH,
     training_information=("rewards",),
     # Stable-Baselines3 does not save the replay buffer, without which a training cannot go on.

@@ -67,7 +67,7 @@ class Terms:
         """Return the terms of a run."""
         (entries,) = seen_space(run.env_id, run.scenario, run.parameters).shape
         context = len(run.parameters["context"]["names"]) if run.family else 0
-        # An algorithm need not have all terms in its hyperparameter file.
+        # An algorithm need not have all terms among its hyperparameters.
         values = {name: run.parameters.get(name, default) for name, default in TERMS.items()}
         return cls(run.scenario, entries, context, **values)
 

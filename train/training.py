@@ -30,7 +30,15 @@ from tqdm import tqdm
 
 from train.actor import Actor, ActorPolicy
 from train.agents.agent_file import informed, trained_policy
-from train.run import ALGORITHMS, CURVE_COLUMNS, Run, overrides, trained_on, warn_of_pickle
+from train.run import (
+    ALGORITHMS,
+    CURVE_COLUMNS,
+    Run,
+    examples,
+    overrides,
+    trained_on,
+    warn_of_pickle,
+)
 from train.terms import Terms
 from train.training_information import with_terms
 from turning_env import FAMILY_ID, IDS, Scenario
@@ -76,13 +84,16 @@ class Algorithm:
     """A learning algorithm as training, tuning and export use it."""
 
     name: str
-    """Name of its Python file and of its hyperparameter file."""
+    """Name of its Python file, as in ``train.run.ALGORITHMS``."""
     model: type[BaseAlgorithm]
     """Class of its models, which loads them."""
     new_model: Callable[[Run, VecEnv], BaseAlgorithm]
     """Function that returns an untrained model for a run on given environments."""
     network: Callable[[Any], Actor]
     """Function that returns the agent of a trained policy of Stable-Baselines3."""
+    defaults: Mapping[str, Any]
+    """Hyperparameters with the names of Stable-Baselines3. Where an id is better off with others,
+    ``train/hyperparameters/NAME.toml`` has a table of these."""
     search: Mapping[str, BaseDistribution]
     """Hyperparameters to tune, with their ranges."""
     training_information: tuple[str, ...]
@@ -91,6 +102,8 @@ class Algorithm:
     """Function that makes the environments; its arguments are those of ``RoughTurningVecEnv``."""
     families: bool = True
     """Whether it can learn on the jobs of a family."""
+    single_scenarios: bool = True
+    """Whether it can learn on one scenario."""
     plays: Callable[[Scenario], bool] = any_scenario
     """Function that returns whether it can learn on a scenario."""
     extra_state: tuple[str, ...] = ()
@@ -262,6 +275,11 @@ def check_trainable(run: Run, algorithm: Algorithm) -> None:
         )
     if run.family and not algorithm.families:
         raise ValueError(f"{algorithm.name} learns on one scenario, not on the jobs of a family")
+    if not run.family and not algorithm.single_scenarios:
+        raise ValueError(
+            f"{algorithm.name} learns on the jobs of a family, not on scenario "
+            f"{run.scenario.name!r}: choose --env {FAMILY_ID}"
+        )
     if run.seed not in range(SEEDS):
         raise ValueError(
             f"the training seed is {run.seed}, but must be 0 to {SEEDS - 1}: episode seeds from "
@@ -434,7 +452,7 @@ def command_line(
         action="append",
         default=[],
         metavar="KEY=VALUE",
-        help=f"set a hyperparameter of train/hyperparameters/{algorithm.name}.toml; "
+        help=f"set a hyperparameter: {', '.join(examples(algorithm.name))}; "
         "repeat the option to set several",
     )
     if arguments is None:

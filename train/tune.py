@@ -1,4 +1,4 @@
-"""Tune an algorithm's hyperparameters, and print the best as a table for its hyperparameter file.
+"""Tune an algorithm's hyperparameters, and print the best as a table of TOML.
 
     python -m train.tune --algorithm sac --trials 20 --total-timesteps 500000
     python -m train.tune --algorithm ppo --env RoughTurning-Family-v0 --trials 20 --set belief=true
@@ -6,15 +6,15 @@
 A trial trains one agent per training seed, and plays all of them on the same tuning seeds; on a
 family, on all jobs of its split ``validation``. The best mean return wins among the feasible trials
 (at the leaderboard's confidence limit), or among all if none is feasible. The first trial takes the
-values of the hyperparameter file and of ``--set``. A tree-structured Parzen estimator chooses the
+algorithm's values for the id and of ``--set``. A tree-structured Parzen estimator chooses the
 others within the ranges that the algorithm's Python file declares (``SEARCH``).
 
 Trials are kept in ``RUNS/tuning``. The same command resumes an interrupted study; with a larger
 ``--trials``, it extends the study. With ``--scheduler``, the workers of a Dask cluster train
 (docs/scaling.md).
 
-The command prints the table; copy it to the hyperparameter file yourself, with a comment on each
-value.
+Copy the printed table to ``train/hyperparameters/ALGORITHM.toml``, with a comment on each value:
+trainings on this id take these values in place of the algorithm's defaults.
 """
 
 import argparse
@@ -212,7 +212,7 @@ def _parser() -> argparse.ArgumentParser:
         "--steps",
         type=whole_number,
         metavar="N",
-        help="environment steps per training (default: from the hyperparameter file)",
+        help="environment steps per training (default: the algorithm's)",
     )
     parser.add_argument(
         "--set",

@@ -1,4 +1,4 @@
-"""Settings for rl-baselines3-zoo, translated from ``train/hyperparameters``, for every id.
+"""Settings for rl-baselines3-zoo, translated from those of ``train``, for every id.
 
 Use them by ``--conf-file examples.zoo.ppo``; docs/ecosystem.md has the commands. The zoo's learning
 rate falls to zero, and it does not scale rewards.

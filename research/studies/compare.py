@@ -35,7 +35,7 @@ from train.agents.agent_file import ONNX_SUFFIX, informed
 from train.curves import FILE as CURVES
 from train.curves import Training, Trainings
 from train.export import export
-from train.run import HYPERPARAMETERS, Run, hyperparameters, trained_on
+from train.run import ALGORITHMS, Run, hyperparameters, trained_on
 from train.training import SEEDS, algorithm_of, load_agent, train
 from turning_env import FAMILY_ID, IDS, MODEL_VERSION, SPLITS, Family, Scenario
 from turning_env.console import UserError, described, exits, positive
@@ -139,11 +139,10 @@ class Study(BaseModel):
             with_changes(self.task, variant.scenario)
         if not variant.algorithm:
             return
-        algorithms = [path.stem for path in HYPERPARAMETERS.glob("*.toml")]
-        if variant.algorithm not in algorithms:
+        if variant.algorithm not in ALGORITHMS:
             raise ValueError(
-                f"variants.{name}.algorithm is {variant.algorithm!r}, but must be a name in "
-                f"{HYPERPARAMETERS}"
+                f"variants.{name}.algorithm is {variant.algorithm!r}, but must be one of "
+                f"{', '.join(ALGORITHMS)}"
             )
         known = hyperparameters(variant.algorithm, self.task)
         for key in self.settings | variant.settings:

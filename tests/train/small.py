@@ -5,54 +5,52 @@ from typing import Any
 
 from stable_baselines3.common.callbacks import BaseCallback
 
+from train.run import ALGORITHMS as NAMES
 from train.run import Run
 from train.training import Algorithm, algorithm_of
 from turning_env import Family, Scenario
 
 SCENARIO = Scenario.model_validate({"name": "short", "tool": {"wear_criterion": 0.1}})
 
-_ON_POLICY = {
+_SMALL: dict[str, Any] = {
     "total_timesteps": 1024,
     "num_envs": 8,
     "n_steps": 32,
     "batch_size": 128,
     "n_epochs": 2,
-}
-# So few are remembered that the oldest are overwritten while actions are still random.
-_OFF_POLICY = {
-    "total_timesteps": 1024,
-    "num_envs": 8,
+    # So few are remembered that the oldest are overwritten while actions are still random.
     "learning_starts": 550,
     "buffer_size": 400,
-    "batch_size": 32,
     "gradient_steps": 1,
-}
-_TEACHER = {
-    "total_timesteps": 1024,
-    "num_envs": 8,
-    "n_steps": 8,
+    "n_quantiles": 5,
+    "lstm_hidden_size": 4,
     "batch_envs": 4,
     "cells": 8,
-}
-_STRATEGY = {
-    "total_timesteps": 1024,
-    "num_envs": 8,
     "population_size": 4,
     "episode_steps": 32,
     "sigma": 0.05,
 }
-PARAMETERS: dict[str, dict[str, Any]] = {
-    "ppo": _ON_POLICY,
-    "sac": _OFF_POLICY,
-    "tqc": _OFF_POLICY | {"n_quantiles": 5},
-    "recurrent_ppo": _ON_POLICY | {"lstm_hidden_size": 4},
-    "lagrangian_ppo": _ON_POLICY,
-    "analytic_gradient": _TEACHER,
-    "linear_cma_es": _STRATEGY,
-}
-"""Small trainings by algorithm; ``guided_ppo``, for families alone, has tests of its own."""
+"""Values for small trainings; an algorithm takes those that it has."""
 
-ALGORITHMS = {name: algorithm_of(name) for name in PARAMETERS}
+
+def _algorithms() -> dict[str, Algorithm]:
+    """Return the algorithms that learn on one scenario; the others have tests of their own."""
+    algorithms = {}
+    for name in NAMES:
+        algorithm = algorithm_of(name)
+        if algorithm.single_scenarios:
+            algorithms[name] = algorithm
+    return algorithms
+
+
+def _small(algorithm: Algorithm) -> dict[str, Any]:
+    """Return the hyperparameters of an algorithm that have a small value."""
+    return {name: value for name, value in _SMALL.items() if name in algorithm.defaults}
+
+
+ALGORITHMS = _algorithms()
+PARAMETERS = {name: _small(algorithm) for name, algorithm in ALGORITHMS.items()}
+"""Hyperparameters of small trainings by algorithm."""
 
 
 class Interruption(BaseCallback):
@@ -82,5 +80,5 @@ def small_run(
         seed=3,
         runs=runs,
         command="a command --runs here",
-        given=PARAMETERS[algorithm.name] | changes,
+        given=_small(algorithm) | changes,
     )

@@ -15,7 +15,7 @@ from train.agents import onnx_policy
 from train.agents.agent_file import informed
 from train.run import Run
 from train.training import load_agent, train
-from turning_env import FAMILY_ID, Family, FamilyVectorEnv, Scenario
+from turning_env import FAMILY_ID, Family, FamilyVectorEnv
 
 FAMILY = Family.load({"extends": "shop", "jobs": 16, "planned": {"control.time_limit": 0.1}})
 """Few jobs, of six steps each."""
@@ -89,8 +89,3 @@ def test_too_high_a_feed_costs_more_than_too_low_a_feed() -> None:
     # Actions are clipped at 1.
     assert loss(speed_error=0.5) == loss()
     assert loss(speed_error=-0.5) > loss()
-
-
-def test_a_student_learns_on_families_alone() -> None:
-    with pytest.raises(ValueError, match="jobs of a family, not scenario 'rough_turning'"):
-        dagger.TaughtVecEnv(Scenario(), 2)

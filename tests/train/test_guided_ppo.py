@@ -67,8 +67,3 @@ def test_a_guide_plays_a_lathe_of_ones_own() -> None:
     )
     with pytest.raises(ValueError, match="stiffness"):
         informed(agent, Scenario(), values)(2)
-
-
-def test_a_guide_learns_on_families_alone() -> None:
-    with pytest.raises(ValueError, match="jobs of a family, not on scenario 'rough_turning'"):
-        guided_ppo.GuidedVecEnv(Scenario(), 2)

@@ -6,8 +6,10 @@ from pathlib import Path
 import pytest
 
 from tests.train.small import ALGORITHMS, small_run
+from train import dagger
+from train import run as runs
 from train.agents import agent_file
-from train.run import HYPERPARAMETERS, OLD_NAMES, Run, current_names, hyperparameters, overrides
+from train.run import OLD_NAMES, Run, current_names, examples, hyperparameters, overrides
 
 AGENTS = Path(__file__).parents[2] / "agents"
 
@@ -29,8 +31,8 @@ def test_every_hyperparameter_of_a_shipped_agent_has_a_present_name(path: Path) 
 
 def test_old_names_are_no_present_names_but_for_the_switch_of_memory() -> None:
     present: set[str] = set()
-    for path in HYPERPARAMETERS.glob("*.toml"):
-        present |= hyperparameters(path.stem, "RoughTurning-v0").keys()
+    for algorithm in runs.ALGORITHMS:
+        present |= hyperparameters(algorithm, "RoughTurning-v0").keys()
     assert present & set(OLD_NAMES) == {"memory"}
     assert set(OLD_NAMES.values()) <= present
 
@@ -63,6 +65,23 @@ def test_a_run_with_old_names_is_read(tmp_path: Path) -> None:
     assert Run.read(run.folder) == run
 
 
-def test_an_algorithm_without_a_hyperparameter_file_says_which_file_it_lacks() -> None:
-    with pytest.raises(ValueError, match=r"new has no hyperparameters: write .*new\.toml"):
-        hyperparameters("new", "RoughTurning-v0")
+def test_an_id_has_the_defaults_but_for_its_own_values() -> None:
+    defaults = ALGORITHMS["sac"].defaults
+    assert hyperparameters("sac", "RoughTurning-Shift-v0") == defaults
+    assert hyperparameters("sac", "RoughTurning-v0") == {**defaults, "gamma": 0.6, "tau": 0.01}
+
+
+def test_an_algorithm_without_a_hyperparameter_file_has_its_defaults() -> None:
+    defaults = dagger.ALGORITHM.defaults
+    assert hyperparameters("dagger", "RoughTurning-Family-v0") == defaults
+
+
+def test_hyperparameters_of_single_ids_can_be_set() -> None:
+    assert "initial_actions" not in ALGORITHMS["ppo"].defaults
+    assert examples("ppo")["initial_actions"] == [0.0, 0.0, -1.0]
+    assert overrides("ppo", ["initial_actions=[0.5]"]) == {"initial_actions": [0.5]}
+
+
+def test_an_unknown_algorithm_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"no algorithm is called 'pppo'; did you mean ppo"):
+        hyperparameters("pppo", "RoughTurning-v0")

@@ -10,7 +10,7 @@ import torch
 
 from tests.train.small import ALGORITHMS, SCENARIO, Interruption, small_run
 from tests.turning_env.test_family_env import BRIEF
-from train import export, ppo, training
+from train import dagger, export, guided_ppo, ppo, training
 from train.actor import ActorPolicy
 from train.agents import onnx_policy
 from train.agents.agent_file import informed
@@ -139,6 +139,15 @@ def test_there_is_an_agent_for_every_id_that_it_plays(algorithm: Algorithm, tmp_
         action, memory = actor(observation, torch.zeros(1, actor.memory_size))
         assert action.shape == (1, *(action_space(scenario).shape or ()))
         assert memory.shape == (1, actor.memory_size)
+
+
+@pytest.mark.parametrize("algorithm", [dagger.ALGORITHM, guided_ppo.ALGORITHM])
+def test_an_algorithm_for_families_refuses_a_single_scenario(
+    algorithm: Algorithm, tmp_path: Path
+) -> None:
+    with pytest.raises(ValueError, match=r"not on scenario 'short': choose --env RoughTurning-Fam"):
+        train(small_run(algorithm, tmp_path), algorithm)
+    assert not any(tmp_path.iterdir())
 
 
 @pytest.mark.slow
