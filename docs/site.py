@@ -35,20 +35,24 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     for path, text in pages().items():
         files.append(File.generated(config, path, content=text))
     for source in sorted((ROOT / "shop" / "docs").iterdir()):
-        files.append(File.generated(config, f"shop/{source.name}", abs_src_path=str(source)))
+        path = f"shop/{source.name}"
+        files.append(File.generated(config, path, abs_src_path=str(source)))
     return files
 
 
 def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
     """Adapt links between docs/ and shop/docs/, as the latter is the folder shop/ of the site."""
     if page.file.src_uri.startswith("shop/"):
-        return markdown.replace("](../../docs/", "](../").replace("](../README.md", "](index.md")
-    return re.sub(r"\]\(\.\./((?:\.\./)*)shop/docs/", r"](\1shop/", markdown)
+        markdown = markdown.replace("](../../docs/", "](../")
+        return markdown.replace("](../README.md", "](index.md")
+    to_shop = r"\]\(\.\./((?:\.\./)*)shop/docs/"
+    return re.sub(to_shop, r"](\1shop/", markdown)
 
 
 def on_page_content(content: str, **_: Any) -> str:
     """Link every picture to its file, which a phone can enlarge."""
-    return re.sub(r'<img [^>]*\bsrc="([^"]+)"[^>]*>', r'<a href="\1">\g<0></a>', content)
+    picture = r'<img [^>]*\bsrc="([^"]+)"[^>]*>'
+    return re.sub(picture, r'<a href="\1">\g<0></a>', content)
 
 
 def pages() -> dict[str, str]:
@@ -83,7 +87,8 @@ def _from_root(name: str) -> str:
     Links to files outside the site become text.
     """
     text = (ROOT / name).read_text("utf-8")
-    text = re.sub(r"\]\((?:docs/|(shop/)docs/)([^)]*)\)", r"](\1\2)", text)
+    to_docs = r"\]\((?:docs/|(shop/)docs/)([^)]*)\)"
+    text = re.sub(to_docs, r"](\1\2)", text)
     text = text.replace("](CONTRIBUTING.md)", "](contributing.md)")
     text = text.replace("](shop/README.md)", "](shop/index.md)")
     text = text.replace("](CITATION.cff)", "](#how-to-cite)")
@@ -103,16 +108,21 @@ def _shop() -> str:
 def _specification(env_id: str, level: int = 1) -> str:
     """Return the docstring of an id's class under a heading, with the tables that it lacks."""
     text = inspect.getdoc(_class_of(env_id)) or ""
-    names = layout(turning_env.Scenario.load(turning_env.IDS[env_id]))
+    scenario = turning_env.Scenario.load(turning_env.IDS[env_id])
+    names = layout(scenario)
+    default_names = layout(turning_env.Scenario())
     if level == 1:
         # All ids have the same info. The table says more than the docstring.
         table = "\n".join(_info_table())
-        text = re.sub(r"^## Info\n.*?(?=^## )", table, text, flags=re.MULTILINE | re.DOTALL)
-    elif len(names) != len(layout(turning_env.Scenario())):
-        text += "\n\n" + "\n".join(_observation_table(names))
+        section = re.compile(r"^## Info\n.*?(?=^## )", re.MULTILINE | re.DOTALL)
+        text = section.sub(table, text)
+    elif len(names) != len(default_names):
+        table = "\n".join(_observation_table(names))
+        text = f"{text}\n\n{table}"
     # The docstring's headings are one level below that of the id.
-    text = re.sub(r"^##(?= )", "#" * (level + 1), text, flags=re.MULTILINE)
-    return f"{'#' * level} {env_id}\n\n{text}\n"
+    mark = "#" * level
+    text = re.sub(r"^##(?= )", f"{mark}#", text, flags=re.MULTILINE)
+    return f"{mark} {env_id}\n\n{text}\n"
 
 
 def _class_of(env_id: str) -> Any:
@@ -138,7 +148,8 @@ def _observation_table(names: Sequence[str]) -> Iterator[str]:
     entries = {entry.name: entry for entry in OBSERVATION}
     for index, name in enumerate(names):
         entry = entries[name]
-        yield f"| {index} | {name} | {entry.meaning} | {entry.low:g} to {entry.high:g} |"
+        allowed = f"{entry.low:g} to {entry.high:g}"
+        yield f"| {index} | {name} | {entry.meaning} | {allowed} |"
 
 
 def _scenario() -> Iterator[str]:
@@ -154,8 +165,10 @@ def _scenario() -> Iterator[str]:
         if "$ref" in value:
             class_name = value["$ref"].rpartition("/")[2]
             section = schema["$defs"][class_name]
-            yield f"## {key}\n\n{section.get('description', '')}\n"
-            yield from _fields_table(section, value.get("default", {}), sections[class_name])
+            description = section.get("description", "")
+            defaults = value.get("default", {})
+            yield f"## {key}\n\n{description}\n"
+            yield from _fields_table(section, defaults, sections[class_name])
             yield ""
     yield from _presets_table()
 
@@ -180,8 +193,14 @@ def _fields_table(
         if not meaning and docstring:
             meaning = docstring.value
         # A row of a table is one line.
-        shown = html.escape(" ".join(meaning.split()), quote=False)
-        yield f"| `{name}` | {_shown(default)} | {_allowed(field)} | {shown} |"
+        on_a_line = " ".join(meaning.split())
+        cells = (
+            f"`{name}`",
+            _shown(default),
+            _allowed(field),
+            html.escape(on_a_line, quote=False),
+        )
+        yield f"| {' | '.join(cells)} |"
 
 
 def _presets_table() -> Iterator[str]:
@@ -189,10 +208,12 @@ def _presets_table() -> Iterator[str]:
     yield "The files in `turning_env/scenario/presets/` have the sources of their numbers.\n"
     yield "| Name | Description |"
     yield "|---|---|"
-    folder = Path(turning_env.__path__[0]) / "scenario" / "presets"
+    package = Path(turning_env.__path__[0])
+    folder = package / "scenario" / "presets"
     for preset in turning_env.presets():
         description = _first_sentence(folder / f"{preset}.toml")
-        yield f"| `{preset}` | {html.escape(description, quote=False)} |"
+        shown = html.escape(description, quote=False)
+        yield f"| `{preset}` | {shown} |"
 
 
 def _first_sentence(path: Path) -> str:
@@ -202,20 +223,28 @@ def _first_sentence(path: Path) -> str:
         if not line.startswith("#"):
             break
         comment.append(line.removeprefix("#").strip())
-    return re.split(r"(?<=\.) (?=[A-Z\"\[*])", " ".join(comment), maxsplit=1)[0]
+    end_of_sentence = r"(?<=\.) (?=[A-Z\"\[*])"
+    sentences = re.split(end_of_sentence, " ".join(comment), maxsplit=1)
+    return sentences[0]
 
 
 def _shown(default: Any) -> str:
     """Return the text of a default, of a table its values other than 0."""
     if isinstance(default, dict):
-        return ", ".join(f"{name} {value:g}" for name, value in default.items() if value)
-    return f"`{default:g}`" if isinstance(default, float) else f"`{default}`"
+        shown = [f"{name} {value:g}" for name, value in default.items() if value]
+        return ", ".join(shown)
+    if isinstance(default, float):
+        return f"`{default:g}`"
+    return f"`{default}`"
 
 
 def _allowed(field: Mapping[str, Any]) -> str:
     """Return the text of the allowed values of a field, empty if there are no limits."""
     if "enum" in field:
-        return ", ".join(f"`{value}`" for value in field["enum"])
+        values = [f"`{value}`" for value in field["enum"]]
+        return ", ".join(values)
     if "minimum" in field and "maximum" in field:
-        return f"{field['minimum']:g} to {field['maximum']:g}"
+        low = field["minimum"]
+        high = field["maximum"]
+        return f"{low:g} to {high:g}"
     return ""

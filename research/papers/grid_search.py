@@ -195,21 +195,26 @@ def sides(minute: int) -> int:
     """
     wear, start = before(minute)
     at_plane = plane(wear, start)
-    columns = np.flatnonzero(at_plane.within.any(axis=0))
+    within = at_plane.within
+    columns = np.flatnonzero(within.any(axis=0))
     if not columns.size:
         return 0
 
     # The highest feasible feed at each cutting speed, and the responses one feed higher.
-    last = at_plane.within.shape[0] - 1
-    tops = (last - np.argmax(at_plane.within[::-1], axis=0))[columns]
+    last = within.shape[0] - 1
+    below_last = np.argmax(within[::-1], axis=0)
+    tops = (last - below_last)[columns]
     above_tops = np.minimum(tops + 1, last)
     force = at_plane.thrust_force[above_tops, columns]
     power = at_plane.power[above_tops, columns]
 
     # What ends the region upwards at each cutting speed: range of feeds, force, power or wear.
-    ends = np.select(
-        [tops == last, force > LIMITS.force, power > LIMITS.power], [0, 1, 2], default=3
-    )
+    conditions = [
+        tops == last,
+        force > LIMITS.force,
+        power > LIMITS.power,
+    ]
+    ends = np.select(conditions, [0, 1, 2], default=3)
 
     # The upper side changes its direction where another limit ends the region.
     upper_sides = 1 + np.count_nonzero(np.diff(ends))

@@ -89,11 +89,13 @@ class Trajectory:
         """Return the parts at a depth of cut [mm], each without its first ``settled`` seconds."""
         at_depth = np.isclose(self.depth, depth)
         was_at_depth = np.append(False, at_depth[:-1])
-        arrivals = np.where(at_depth & ~was_at_depth, self.time, -np.inf)
+        arrives = at_depth & ~was_at_depth
+        arrivals = np.where(arrives, self.time, -np.inf)
 
         # The running maximum carries the time of the latest arrival to all steps after it.
         latest_arrival = np.maximum.accumulate(arrivals)
-        return self._where(at_depth & (self.time >= latest_arrival + settled))
+        has_settled = self.time >= latest_arrival + settled
+        return self._where(at_depth & has_settled)
 
 
 def play_bar(make_policy: PolicyFactory, scenario: Scenario) -> Trajectory:

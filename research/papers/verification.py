@@ -117,9 +117,10 @@ def played(tests: Sequence[VerificationTest], wear_factor: float = 1.0) -> list[
     episodes = play(make_policy, scenario, seeds=range(len(tests)))
     lives = episodes["engaged_time"] / 60.0
     rates = episodes["removed"] / lives
-    return [
-        Outcome(rate=float(rate), life=float(life)) for rate, life in zip(rates, lives, strict=True)
-    ]
+    outcomes = []
+    for rate, life in zip(rates, lives, strict=True):
+        outcomes.append(Outcome(rate=float(rate), life=float(life)))
+    return outcomes
 
 
 def wear(test: VerificationTest, minutes: float) -> float:
@@ -172,7 +173,9 @@ def force_and_power(test: VerificationTest, flank_wear: float) -> tuple[float, f
     """Return thrust force [N] and power [kW] of the nominal model at a wear [mm]."""
     scenario = undisturbed()
     laws = scenario.material
+    speed = test.cutting_speed
+    feed = test.feed
     depth = scenario.workpiece.depth_of_cut
-    force = laws.thrust_force(test.cutting_speed, test.feed, depth_of_cut=depth, wear=flank_wear)
-    power = laws.power(test.cutting_speed, test.feed, depth_of_cut=depth, wear=flank_wear)
+    force = laws.thrust_force(speed, feed, depth_of_cut=depth, wear=flank_wear)
+    power = laws.power(speed, feed, depth_of_cut=depth, wear=flank_wear)
     return float(force), float(power)

@@ -39,6 +39,19 @@ _SPEEDS = np.array([-0.1, -0.05, 0.0, 0.05, 0.1])
 _LADDER = 4  # ... and a coarse ladder over the machine's range.
 _FEEDS = np.arange(-0.16, 0.09, 0.02)  # log steps from the feed at the limit
 
+# Entries of the state of ``NodeFilter``, which has four for each field.
+DEPTH_AT_TOOL = 0
+HARDNESS_AT_TOOL = 4
+
+# Rows of a belief (see ``NodeFilter.belief``).
+DEPTH = 0
+HARDNESS = 1
+FORCE = 2
+POWER = 3
+FORCE_SPREAD = 4
+POWER_SPREAD = 5
+WEAR_RATE = HARDNESS  # the compiled programme needs the hardness for the wear only
+
 
 class Field(NamedTuple):
     """How depth (relative deviation) or log hardness varies."""
@@ -89,21 +102,25 @@ class NodeFilter:
 
     def move(self, place: float, distance: float) -> tuple[Array, Array]:
         """Return mean and covariance at a distance from a place [mm]."""
-        transition, growth = np.zeros((2, 8, 8))
+        transition = np.zeros((8, 8))
+        growth = np.zeros((8, 8))
         for number, field in enumerate(self._fields):
             here = 4 * number
             behind = here + 1
             offset = here + 2
             ahead = here + 3
             length = field.correlation_length
+            start_node = np.floor(place / length + 1e-12)
             end = (place + distance) / length + 1e-12
-            share = end - np.floor(end)
+            end_node = np.floor(end)
+            share = end - end_node
             # The blend of two nodes that keeps the variance (turning_env/physics/workpiece.py).
-            weight_behind = field.along_spread * (1.0 - share**2) / (1.0 + share**2)
-            weight_ahead = field.along_spread * 2.0 * share / (1.0 + share**2)
+            norm = 1.0 + share**2
+            weight_behind = field.along_spread * (1.0 - share**2) / norm
+            weight_ahead = field.along_spread * 2.0 * share / norm
             transition[offset, offset] = 1.0
             transition[here, offset] = field.bar_spread
-            if np.floor(end) > np.floor(place / length + 1e-12):
+            if end_node > start_node:
                 # The node ahead is behind now, and the next one is unknown.
                 transition[behind, ahead] = 1.0
                 transition[here, ahead] = weight_behind
@@ -125,11 +142,16 @@ class NodeFilter:
 
         Shapes: (bars, 2) and (bars, 2, 8).
         """
-        depth = np.maximum(1.0 + mean[:, 0], MIN_DEPTH)
-        loads = np.stack([np.log(depth), mean[:, 4]], axis=1) @ self._exponents.T
+        depth = np.maximum(1.0 + mean[:, DEPTH_AT_TOOL], MIN_DEPTH)
+        log_hardness = mean[:, HARDNESS_AT_TOOL]
+        factors = np.stack([np.log(depth), log_hardness], axis=1)
+        loads = factors @ self._exponents.T
+
+        depth_exponents = self._exponents[:, 0]
+        hardness_exponents = self._exponents[:, 1]
         derivatives = np.zeros((len(mean), 2, 8))
-        derivatives[:, :, 0] = self._exponents[:, 0] / depth[:, np.newaxis]
-        derivatives[:, :, 4] = self._exponents[:, 1]
+        derivatives[:, :, DEPTH_AT_TOOL] = depth_exponents / depth[:, np.newaxis]
+        derivatives[:, :, HARDNESS_AT_TOOL] = hardness_exponents
         return loads, derivatives
 
     def read(self, log_depth: Array, log_hardness: Array, noise: Array) -> None:
@@ -140,14 +162,19 @@ class NodeFilter:
             log_hardness: true log ratio of the hardness to nominal, shape (bars,).
             noise: standard normal, shape (bars, 2).
         """
-        loads, derivatives = self._loads(self.mean)
-        true_loads = np.stack([log_depth, log_hardness], axis=1) @ self._exponents.T
-        surprise = true_loads + np.sqrt(self._variance) * noise - loads
+        expected_loads, derivatives = self._loads(self.mean)
+        factors = np.stack([log_depth, log_hardness], axis=1)
+        true_loads = factors @ self._exponents.T
+        readings = true_loads + np.sqrt(self._variance) * noise
+        surprise = readings - expected_loads
+
         projected = derivatives @ self.covariance @ derivatives.swapaxes(1, 2)
         spread = projected + np.diag(self._variance)
-        gain = np.linalg.solve(spread, derivatives @ self.covariance).swapaxes(1, 2)
+        transposed_gain = np.linalg.solve(spread, derivatives @ self.covariance)
+        gain = transposed_gain.swapaxes(1, 2)
         self.mean += np.einsum("nij,nj->ni", gain, surprise)
         covariance = self.covariance - gain @ derivatives @ self.covariance
+        # Rounding must not make it asymmetric.
         self.covariance = 0.5 * (covariance + covariance.swapaxes(1, 2))
 
     def belief(self, place: float, distance: float) -> Array:
@@ -160,8 +187,16 @@ class NodeFilter:
         loads, derivatives = self._loads(mean)
         variances = np.einsum("nai,nij,naj->na", derivatives, covariance, derivatives)
         spreads = np.sqrt(np.clip(variances, 0.0, MAX_SPREAD**2))
-        depth = self._depth * np.maximum(1.0 + mean[:, 0], MIN_DEPTH)
-        return np.stack([depth, mean[:, 4], loads[:, 0], loads[:, 1], spreads[:, 0], spreads[:, 1]])
+        relative_depth = np.maximum(1.0 + mean[:, DEPTH_AT_TOOL], MIN_DEPTH)
+
+        belief = np.empty((6, len(mean)))
+        belief[DEPTH] = self._depth * relative_depth
+        belief[HARDNESS] = mean[:, HARDNESS_AT_TOOL]
+        belief[FORCE] = loads[:, 0]
+        belief[POWER] = loads[:, 1]
+        belief[FORCE_SPREAD] = spreads[:, 0]
+        belief[POWER_SPREAD] = spreads[:, 1]
+        return belief
 
 
 def bound(scenario: Scenario, seed: int, stretch: float = 3.2, lives: int = LIVES) -> float:
@@ -180,18 +215,24 @@ def bound(scenario: Scenario, seed: int, stretch: float = 3.2, lives: int = LIVE
     start_episode_of(states, parameters, scratch)
     cells = round(scenario.workpiece.bar_length / stretch)
     wear = scenario.material.wear
+
+    # A first survey of one bar gives the edge's factor on wear, and so the number of bars.
     fields = np.empty((3, cells))
     survey(states, parameters, scratch, fields, cells)
     log_wear_factor = fields[2, 0]
     bars = math.ceil(BARS * math.exp(-log_wear_factor / wear.time))
+
     fields = np.empty((3, bars * cells))
     survey(states, parameters, scratch, fields, cells)
     truth = fields[:2].reshape(2, bars, cells)
-    lengths, believed = beliefs(scenario, truth, np.random.default_rng(seed))
+    generator = np.random.default_rng(seed)
+    lengths, believed = beliefs(scenario, truth, generator)
+
     # The compiled programme takes the factor on the rate of wear in place of the log hardness.
-    log_depth_ratio = np.log(believed[0] / scenario.workpiece.depth_of_cut)
-    log_wear_ratio = wear.depth_of_cut * log_depth_ratio + wear.hardness * believed[1]
-    believed[1] = np.exp((log_wear_ratio + log_wear_factor) / wear.time)
+    log_depth_ratio = np.log(believed[DEPTH] / scenario.workpiece.depth_of_cut)
+    log_hardness = believed[HARDNESS]
+    log_wear_ratio = wear.depth_of_cut * log_depth_ratio + wear.hardness * log_hardness
+    believed[WEAR_RATE] = np.exp((log_wear_ratio + log_wear_factor) / wear.time)
     best = _best_return(
         states, parameters, scratch, lengths, believed, _SPEEDS, _LADDER, _FEEDS, lives
     )
@@ -213,22 +254,33 @@ def beliefs(
         Lengths, shape (bars, stretches), and beliefs as ``NodeFilter.belief`` returns them, shape
         (6, bars, stretches, points).
     """
-    _, bars, cells = truth.shape
-    lengths = np.full(cells + 1, scenario.workpiece.bar_length / cells)
+    true_depth, true_hardness = truth
+    bars, cells = true_depth.shape
+    nominal_depth = np.log(scenario.workpiece.depth_of_cut)
+    # A stretch ends in the middle of a cell, so the first and the last one are half as long.
+    stretches = cells + 1
+    lengths = np.full(stretches, scenario.workpiece.bar_length / cells)
     lengths[[0, -1]] *= 0.5
-    believed = np.empty((6, bars, cells + 1, len(_POINTS)))
+    believed = np.empty((6, bars, stretches, len(_POINTS)))
     node_filter = NodeFilter(scenario, bars)
     place = 0.0
     for i, length in enumerate(lengths):
         if i > 0:
-            node_filter.mean, node_filter.covariance = node_filter.move(place, lengths[i - 1])
-            place += lengths[i - 1]
-            log_depth = truth[0, :, i - 1] - np.log(scenario.workpiece.depth_of_cut)
-            noise = generator.normal(size=(bars, 2))
-            node_filter.read(log_depth, log_hardness=truth[1, :, i - 1], noise=noise)
+            cell = i - 1
+            last_length = lengths[cell]
+            mean, covariance = node_filter.move(place, last_length)
+            node_filter.mean = mean
+            node_filter.covariance = covariance
+            place += last_length
+            node_filter.read(
+                log_depth=true_depth[:, cell] - nominal_depth,
+                log_hardness=true_hardness[:, cell],
+                noise=generator.normal(size=(bars, 2)),
+            )
         for k, point in enumerate(_POINTS):
             believed[:, :, i, k] = node_filter.belief(place, length * point)
-    return np.broadcast_to(lengths, (bars, cells + 1)).copy(), believed
+    lengths_of_bars = np.broadcast_to(lengths, (bars, stretches)).copy()
+    return lengths_of_bars, believed
 
 
 @compiled
@@ -263,37 +315,62 @@ def _expected_overload(force, power, belief):
     points = belief.shape[1]
     overload = 0.0
     for q in range(points):
-        overload += expected_excess(force + belief[2, q], belief[4, q]) / points
-        overload += expected_excess(power + belief[3, q], belief[5, q]) / points
+        force_mean = force + belief[FORCE, q]
+        power_mean = power + belief[POWER, q]
+        overload += expected_excess(force_mean, belief[FORCE_SPREAD, q]) / points
+        overload += expected_excess(power_mean, belief[POWER_SPREAD, q]) / points
     return overload
+
+
+@compiled
+def _mean_of_points(row):
+    """Return the mean of a row of a belief, shape (points,)."""
+    points = row.shape[0]
+    mean = 0.0
+    for q in range(points):
+        mean += row[q] / points
+    return mean
+
+
+@compiled
+def _log_rate_of_life(p):
+    """Return the log of the rate at which life is used at 1 m/min and 1 mm/rev [1/s].
+
+    It is that of the nominal wear law.
+    """
+    law = p.wear_law
+    log_depth = np.log(p.depth_of_cut[0])
+    log_wear = law.log_coefficient[0] + law.depth_of_cut[0] * log_depth
+    over_criterion = log_wear - p.log_wear_criterion[0]
+    return over_criterion * p.life_exponent[0] - np.log(60.0)
 
 
 @compiled
 def _set_speeds(speeds, force, power, p, speed_steps):
     """Set the candidates of log cutting speed for log ratios of expected loads to their limits."""
-    force_law = p.force_law
-    power_law = p.power_law
+    force_by_speed = p.force_law.cutting_speed[0]
+    force_by_feed = p.force_law.feed[0]
+    power_by_speed = p.power_law.cutting_speed[0]
+    power_by_feed = p.power_law.feed[0]
     low = np.log(p.cutting_speed_min[0])
     high = np.log(p.cutting_speed_max[0])
     high_feed = np.log(p.feed_max[0])
     steps = speed_steps.shape[0]
     ladder = speeds.shape[0] - steps - 2
     # The speed at which both limits allow the same feed solves two linear equations in logarithms.
-    determinant = (
-        force_law.cutting_speed[0] * power_law.feed[0]
-        - force_law.feed[0] * power_law.cutting_speed[0]
-    )
+    determinant = force_by_speed * power_by_feed - force_by_feed * power_by_speed
     for k in range(speeds.shape[0]):
         if k < steps:
-            both = (power * force_law.feed[0] - force * power_law.feed[0]) / determinant
+            both = (power * force_by_feed - force * power_by_feed) / determinant
             speed = both + speed_steps[k]
         elif k == steps:
             # The speed at which force, and then power, allows the highest feed.
-            speed = -(force + force_law.feed[0] * high_feed) / force_law.cutting_speed[0]
+            speed = -(force + force_by_feed * high_feed) / force_by_speed
         elif k == steps + 1:
-            speed = -(power + power_law.feed[0] * high_feed) / power_law.cutting_speed[0]
+            speed = -(power + power_by_feed * high_feed) / power_by_speed
         else:
-            share = (k - steps - 2) / max(ladder - 1, 1)
+            rung = k - steps - 2
+            share = rung / max(ladder - 1, 1)
             speed = low + (high - low) * (0.4 + 0.6 * share)
         speeds[k] = min(max(speed, low), high)
 
@@ -307,33 +384,26 @@ def _best_return(  # noqa: PLR0913
 
     ``beliefs``: as from the function ``beliefs``, with the factor on the rate of wear in row 1.
     """
-    state, p = states[0], parameters[0]
+    p = parameters[0]
     wear_law, force_law, power_law = p.wear_law, p.force_law, p.power_law
     low_feed, high_feed = np.log(p.feed_min[0]), np.log(p.feed_max[0])
     log_force_limit, log_power_limit = np.log(p.thrust_force_limit[0]), np.log(p.power_limit[0])
     crossing = 60.0 / p.revolutions_per_metre[0]  # time [s] of 1 mm at 1 m/min and 1 mm/rev
     air = p.approach[0] * crossing * np.exp(-np.log(p.cutting_speed_max[0]) - high_feed)
     log_depth = np.log(p.depth_of_cut[0])
-    # Log of the rate at which life is used at 1 m/min and 1 mm/rev [1/s], from the wear law.
-    at_nominal = (
-        wear_law.log_coefficient[0] + wear_law.depth_of_cut[0] * log_depth - p.log_wear_criterion[0]
-    )
-    nominal_life = at_nominal * p.life_exponent[0] - np.log(60.0)
+    nominal_life = _log_rate_of_life(p)
     speeds = np.empty(speed_steps.shape[0] + 2 + ladder)
     values, next_values = np.zeros(lives + 1), np.zeros(lives + 1)
-    points = beliefs.shape[3]
     # Backwards over the bars and their stretches; values[j] belongs to the used life (j / lives)^2,
     # whose steps are short where an edge is fresh and wears fast.
     for bar in range(lengths.shape[0] - 1, -1, -1):
         for i in range(lengths.shape[1] - 1, -1, -1):
             length = lengths[bar, i]
             belief = beliefs[:, bar, i]
-            depth, rate, force_mean, power_mean = 0.0, 0.0, 0.0, 0.0
-            for q in range(points):
-                depth += belief[0, q] / points
-                rate += belief[1, q] / points
-                force_mean += belief[2, q] / points
-                power_mean += belief[3, q] / points
+            depth = _mean_of_points(belief[DEPTH])
+            rate = _mean_of_points(belief[WEAR_RATE])
+            force_mean = _mean_of_points(belief[FORCE])
+            power_mean = _mean_of_points(belief[POWER])
             worth = length * 60.0 / p.revolutions_per_metre[0] / p.reference_removal_rate[0] * depth
             for j in range(lives):
                 used = (j / lives) ** 2
@@ -382,4 +452,5 @@ def _best_return(  # noqa: PLR0913
             if i == 0:
                 values[:lives] -= air
             values, next_values = next_values, values
-    return between(next_values, np.sqrt(min(state.used_life[0], 1.0)) * lives)
+    used_life = min(states[0].used_life[0], 1.0)
+    return between(next_values, np.sqrt(used_life) * lives)

@@ -248,26 +248,40 @@ def run_of(study: Study, name: str, seed: int, runs: Path) -> Run:
         words.append(f"--scenario {variant.family}")
     words.append(f"--seed {seed}")
     for key, value in settings.items():
-        words.append(f"--set {shlex.quote(f'{key}={json.dumps(value)}')}")
-    command = " ".join(words)
+        setting = f"{key}={json.dumps(value)}"
+        words.append(f"--set {shlex.quote(setting)}")
     return Run.plan(
-        variant.algorithm, study.task, home_of(study, variant), seed, runs / name, command, settings
+        variant.algorithm,
+        study.task,
+        home_of(study, variant),
+        seed,
+        runs / name,
+        " ".join(words),
+        settings,
     )
 
 
 def publish(trained: Sequence[tuple[str, Run]], folder: Path) -> None:
     """Add agents, named after their variants, and their learning curves to a folder."""
+    curves_path = folder / CURVES
     curves: dict[str, Training] = {}
-    if (folder / CURVES).exists():
-        curves |= Trainings.read(folder / CURVES).trainings
+    if curves_path.exists():
+        curves |= Trainings.read(curves_path).trainings
     for name, run in trained:
-        if not (folder / f"{name}-seed{run.seed}{ONNX_SUFFIX}").exists():
+        agent_name = f"{name}-seed{run.seed}"
+        agent_path = folder / f"{agent_name}{ONNX_SUFFIX}"
+        if not agent_path.exists():
             export(run.folder, folder, name)
         if run.read_learning_curve():  # an untrained agent has none
-            curves[f"{name}-seed{run.seed}"] = Training.of(run)
+            curves[agent_name] = Training.of(run)
     if trained:
-        _, run = trained[0]
-        Trainings(env_id=run.env_id, scenario=run.task, trainings=curves).write(folder / CURVES)
+        _, first_run = trained[0]
+        trainings = Trainings(
+            env_id=first_run.env_id,
+            scenario=first_run.task,
+            trainings=curves,
+        )
+        trainings.write(curves_path)
 
 
 def played(piece: tuple[str, int], study: Study, runs: Path) -> Played:
@@ -380,10 +394,13 @@ def _cached(runs: Path, identity: list[Any], work: Callable[[], Episodes]) -> Ep
     """Return the episodes kept under an identity, or do the work and keep it."""
     path = runs / "episodes" / f"{digest_of(identity)}.json"
     if not path.exists():
-        content = json.dumps({field: values.tolist() for field, values in work().items()})
+        lists = {}
+        for field, values in work().items():
+            lists[field] = values.tolist()
+        content = json.dumps(lists)
         replace_file(path, lambda partial_path: partial_path.write_text(content, "utf-8"))
-    episodes = json.loads(path.read_text("utf-8"))
-    return {field: np.array(values) for field, values in episodes.items()}
+    kept = json.loads(path.read_text("utf-8"))
+    return {field: np.array(values) for field, values in kept.items()}
 
 
 class Row:
@@ -403,10 +420,14 @@ class Row:
         for scenario, fields in trained[0].episodes.items():
             stacked = {}
             for field in fields:
-                stacked[field] = np.stack([played.episodes[scenario][field] for played in trained])
+                by_training = [played.episodes[scenario][field] for played in trained]
+                stacked[field] = np.stack(by_training)
             self.scenarios[scenario] = stacked
         self.home = next(iter(self.scenarios))
-        self._seconds = [played.seconds for played in trained if played.seconds is not None]
+        self._seconds = []
+        for played in trained:
+            if played.seconds is not None:
+                self._seconds.append(played.seconds)
 
     def cells(self, other: "Row | None", prices: Sequence[float] = ()) -> dict[str, str]:
         """Return the texts by heading.
@@ -417,26 +438,32 @@ class Row:
         """
         episodes = self.scenarios[self.home]
         returns = episodes["return"]
-        means = self._bootstrap.means(returns, self.name)
+        replicates = self._bootstrap.means(returns, self.name)
+        mean_return = Estimate.of(returns.mean(), replicates)
         cells = {
             "Variant": f"`{self.name}`",
-            "Return [s]": _text(Estimate.of(returns.mean(), means)),
+            "Return [s]": _text(mean_return),
         }
         if other is not None:
-            cells |= self._compared_with(other, means)
+            cells |= self._compared_with(other, replicates)
         if len(returns) > 1:
-            trainings = returns.mean(axis=1)
-            cells["Worst to best training [s]"] = f"{trainings.min():.0f} to {trainings.max():.0f}"
+            by_training = returns.mean(axis=1)
+            worst = by_training.min()
+            best = by_training.max()
+            cells["Worst to best training [s]"] = f"{worst:.0f} to {best:.0f}"
         for price in prices:
-            charged = returns - episodes["reward_overload"] - price * episodes["excess"]
+            free_of_overload = returns - episodes["reward_overload"]
+            charged = free_of_overload - price * episodes["excess"]
             cells[f"At price {price:g} [s]"] = f"{charged.mean():.0f}"
         cells |= self._totals()
         for scenario, played in self.scenarios.items():
             if scenario != self.home:
                 mean = played["return"].mean()
-                cells[f"`{scenario}` [s]"] = f"{mean:.0f}{self._verdict(scenario)}"
+                verdict = self._verdict(scenario)
+                cells[f"`{scenario}` [s]"] = f"{mean:.0f}{verdict}"
         if self._seconds:
-            cells["Training [s]"] = f"{np.mean(self._seconds):.0f}"
+            seconds = np.mean(self._seconds)
+            cells["Training [s]"] = f"{seconds:.0f}"
         return cells
 
     def score(self, fixed: "Row", oracle: "Row") -> str:
@@ -451,40 +478,53 @@ class Row:
         leads = replicates[self.name] - replicates[fixed.name]
         gap = means[oracle.name] - means[fixed.name]
         gaps = replicates[oracle.name] - replicates[fixed.name]
-        return _text(Estimate.of(100.0 * lead / gap, 100.0 * leads / gaps))
+
+        share = 100.0 * lead / gap
+        shares = 100.0 * leads / gaps
+        return _text(Estimate.of(share, shares))
 
     def _compared_with(self, other: "Row", means: Floats) -> dict[str, str]:
         """Return the cells of the differences from another row, paired by seed.
 
         ``means``: bootstrap replicates of this row's mean return.
         """
-        others = other.scenarios[other.home]["return"]
-        leads = self.scenarios[self.home]["return"].mean(axis=0) - others.mean(axis=0)
-        replicates = means - self._bootstrap.means(others, other.name)
+        returns = self.scenarios[self.home]["return"]
+        other_returns = other.scenarios[other.home]["return"]
+        leads = returns.mean(axis=0) - other_returns.mean(axis=0)
+        replicates = means - self._bootstrap.means(other_returns, other.name)
+        difference = Estimate.of(leads.mean(), replicates)
+        better = 100.0 * (leads > 0.0).mean()
         return {
             "Compared with": f"`{other.name}`",
-            "Difference [s]": _text(Estimate.of(leads.mean(), replicates)),
+            "Difference [s]": _text(difference),
             "Median [s]": f"{np.median(leads):.1f}",
-            "Better [% of seeds]": f"{100.0 * (leads > 0.0).mean():.0f}",
+            "Better [% of seeds]": f"{better:.0f}",
         }
 
     def _totals(self) -> dict[str, str]:
         """Return the cells of cost, overload and edges, over all episodes."""
-        episodes = self.scenarios[self.home]
-        total = {field: float(values.sum()) for field, values in episodes.items()}
+        total = {}
+        for field, values in self.scenarios[self.home].items():
+            total[field] = float(values.sum())
+
         cells = {}
         volume = total["removed"] / 1000.0  # [dm3]
         if volume > 0.0:
             cost = total["reward_metal"] - total["return"]
             without_overload = cost + total["reward_overload"]
-            cells["Full cost [min/dm3]"] = f"{cost / 60.0 / volume:.2f}"
-            cells["Cost without overload [min/dm3]"] = f"{without_overload / 60.0 / volume:.2f}"
+            cost_per_volume = cost / 60.0 / volume
+            lower_cost_per_volume = without_overload / 60.0 / volume
+            cells["Full cost [min/dm3]"] = f"{cost_per_volume:.2f}"
+            cells["Cost without overload [min/dm3]"] = f"{lower_cost_per_volume:.2f}"
+
         engaged = max(total["engaged_time"], 1e-9)
+        edges = max(total["edges_used"], 1e-9)
         over = 100.0 * total["overload_time"] / engaged
         severe = 100.0 * total["severe_overload_time"] / engaged
-        broken = 100.0 * total["edges_broken"] / max(total["edges_used"], 1e-9)
+        broken = 100.0 * total["edges_broken"] / edges
+        verdict = self._verdict(self.home)
         cells["Over a limit [% of cutting time]"] = f"{over:.1f}"
-        cells["By > 5 % [%]"] = f"{severe:.2f}{self._verdict(self.home)}"
+        cells["By > 5 % [%]"] = f"{severe:.2f}{verdict}"
         cells["Edges broken per 100"] = f"{broken:.1f}"
         return cells
 
@@ -517,26 +557,36 @@ def _text(estimate: Estimate) -> str:
 def table(study: Study, variants: Mapping[str, Sequence[Played]]) -> str:
     """Return a Markdown table of variants, each with the episodes of its training seeds."""
     bootstrap = Bootstrap(study.episodes)
-    rows = {name: Row(name, trained, bootstrap) for name, trained in variants.items()}
+    rows = {}
+    for name, trained in variants.items():
+        rows[name] = Row(name, trained, bootstrap)
     if study.scenarios:
-        return markdown([*rankings(list(rows.values()))])
+        return markdown(list(rankings(list(rows.values()))))
+
+    # A variant is compared with the one that its study names, or with the first.
     first = next(iter(rows.values()))
+    fixed = None
+    oracle = None
+    if study.scale:
+        fixed = rows.get(study.scale[0])
+        oracle = rows.get(study.scale[1])
     cells = []
     for name, row in rows.items():
         other = rows.get(study.variants[name].like, first)
-        row_cells = row.cells(None if other is row else other, study.overload_prices)
-        if study.scale and rows.keys() >= {*study.scale}:
-            fixed, oracle = study.scale
-            row_cells["Score"] = row.score(rows[fixed], rows[oracle])
+        compared = None if other is row else other
+        row_cells = row.cells(compared, study.overload_prices)
+        if fixed is not None and oracle is not None:
+            row_cells["Score"] = row.score(fixed, oracle)
         cells.append(row_cells)
     return markdown(cells)
 
 
 def rankings(rows: Sequence[Row]) -> Iterator[dict[str, str]]:
     """Yield the cells of each scenario: how its ranking differs from that of the first."""
-    home_keys = {row.name: row.rank_key(rows[0].home) for row in rows}
+    first = rows[0]
+    home_keys = {row.name: row.rank_key(first.home) for row in rows}
     home_order = sorted(home_keys, key=home_keys.__getitem__)
-    for scenario in rows[0].scenarios:
+    for scenario in first.scenarios:
         keys = {row.name: row.rank_key(scenario) for row in rows}
         order = sorted(keys, key=keys.__getitem__)
         swapped = []
@@ -545,13 +595,17 @@ def rankings(rows: Sequence[Row]) -> Iterator[dict[str, str]]:
                 swapped.append(f"`{better}` before `{worse}`")
         infeasible = []
         for name in order:
-            if keys[name].is_not_feasible and not home_keys[name].is_not_feasible:
+            was_feasible = not home_keys[name].is_not_feasible
+            if was_feasible and keys[name].is_not_feasible:
                 infeasible.append(f"`{name}`")
+
         # Kendall's tau: 1 - 2 * (pairs that change order) / (all pairs).
-        pairs = max(len(order) * (len(order) - 1), 1) / 2
+        count = len(order)
+        pairs = max(count * (count - 1), 1) / 2
+        tau = 1.0 - 2.0 * len(swapped) / pairs
         yield {
             "Scenario": f"`{scenario}`",
-            "Kendall's tau": f"{1.0 - 2.0 * len(swapped) / pairs:.2f}",
+            "Kendall's tau": f"{tau:.2f}",
             "First": f"`{order[0]}`",
             "No longer feasible": ", ".join(infeasible),
             "Pairs that change order": ", ".join(swapped),

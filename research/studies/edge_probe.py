@@ -84,17 +84,24 @@ class Explorer(SelfTuning):
 
     def act(self, observations: Observations) -> Actions:
         reading = read(observations, self._scenario)
-        self._edge += reading.cutting_time < self._cutting_time
+        edge_is_fresh = reading.cutting_time < self._cutting_time
+        self._edge += edge_is_fresh
         self._cutting_time = reading.cutting_time
-        stage = (reading.cutting_time / STAGE).astype(np.int64) % len(SLOW_SHARES)
+
+        # The stages follow one another for as long as the edge cuts.
+        stages_begun = (reading.cutting_time / STAGE).astype(np.int64)
+        stage = stages_begun % len(SLOW_SHARES)
         slow = np.array(SLOW_SHARES)[stage]
         fast = np.array(FAST_SHARES)[stage]
-        self.top_speed[:] = START_SHARE * np.where(self._edge == 0, slow, fast)
+        is_first_edge = self._edge == 0
+        self.top_speed[:] = START_SHARE * np.where(is_first_edge, slow, fast)
 
         actions = super().act(observations)
         self.low_feed = stage == len(SLOW_SHARES) - 1
-        feed = LOW_FEED * self._scenario.feed_range[0] * np.ones(len(actions))
-        slowly = towards(reading, self._scenario, reading.commanded_cutting_speed, feed)
+        lowest_feed = self._scenario.feed_range[0]
+        feed = LOW_FEED * lowest_feed * np.ones(len(actions))
+        speed = reading.commanded_cutting_speed
+        slowly = towards(reading, self._scenario, speed, feed)
         actions[:, 1] = np.where(self.low_feed, slowly[:, 1], actions[:, 1])
         return actions
 
@@ -109,10 +116,10 @@ def heat_of(reading: Reading, scenario: Any, start_speed: Array) -> Array:
     """
     law = scenario.edge_failure.temperature
     wear = np.maximum(reading.nominal_wear / scenario.tool.wear_criterion, MIN_WEAR)
-    by_feed_and_wear = law.feed * log(reading.feed / FEED_SCALE) + law.wear * log(wear)
-    return np.asarray(
-        log(reading.cutting_speed / start_speed) + by_feed_and_wear / law.cutting_speed
-    )
+    log_speed = log(reading.cutting_speed / start_speed)
+    by_feed = law.feed * log(reading.feed / FEED_SCALE)
+    by_wear = law.wear * log(wear)
+    return np.asarray(log_speed + (by_feed + by_wear) / law.cutting_speed)
 
 
 @dataclass(frozen=True)
@@ -135,16 +142,17 @@ class Recorder:
     """
 
     def __init__(self, models: Sequence[Scenario]) -> None:
+        jobs = len(models)
         batch: Any = ScenarioBatch.of(models)
         self._batch = batch
         self._start_speed = START_SHARE * batch.machine.cutting_speed_max
         self._lowest_feed = batch.feed_range[0]
-        self._edge = np.zeros(len(models), np.int64)
-        self._over = np.zeros(len(models), np.bool_)
-        self._cutting_time = np.zeros(len(models))
-        self._nominal_wear = np.zeros(len(models))
+        self._edge = np.zeros(jobs, np.int64)
+        self._over = np.zeros(jobs, np.bool_)
+        self._cutting_time = np.zeros(jobs)
+        self._nominal_wear = np.zeros(jobs)
         self.steps: list[Any] = []
-        self.ends = np.zeros((EDGES, len(models)), ENDED)
+        self.ends = np.zeros((EDGES, jobs), ENDED)
 
     @property
     def done(self) -> bool:
@@ -269,32 +277,48 @@ def by_speed(steps: Any) -> list[float]:
 
     Chatter adds to the force, but not to the mean power.
     """
-    places = np.digitize(steps["log_speed"], SPEED_BINS)
-    wear = log(np.maximum(steps["nominal_wear"], MIN_WEAR))
-    ones = np.ones(len(steps))
-    factors = np.column_stack([ones, steps["log_feed"], steps["log_speed"], wear])
+    log_ratio = steps["force_over_power"]
+    wear = np.maximum(steps["nominal_wear"], MIN_WEAR)
+    factors = np.column_stack(
+        [
+            np.ones(len(steps)),
+            steps["log_feed"],
+            steps["log_speed"],
+            log(wear),
+        ]
+    )
     # A slight ridge, as a history may not vary in a factor.
     normal = factors.T @ factors + 1e-3 * np.eye(4)
-    solution = np.linalg.solve(normal, factors.T @ steps["force_over_power"])
-    residuals = steps["force_over_power"] - factors @ solution
+    solution = np.linalg.solve(normal, factors.T @ log_ratio)
+    residuals = log_ratio - factors @ solution
+
+    ranges = np.digitize(steps["log_speed"], SPEED_BINS)
     means = []
-    for place in range(len(SPEED_BINS) + 1):
-        chosen = residuals[places == place]
-        enough = len(chosen) >= MIN_STEPS
-        means.append(float(chosen.mean()) if enough else 0.0)
+    for number in range(len(SPEED_BINS) + 1):
+        chosen = residuals[ranges == number]
+        mean = 0.0
+        if len(chosen) >= MIN_STEPS:
+            mean = float(chosen.mean())
+        means.append(mean)
     highest = max(means)
     lowest = min(means)
-    return [*means, highest, highest - lowest, float(residuals.std())]
+    spread = float(residuals.std())
+    return [*means, highest, highest - lowest, spread]
 
 
 def explored(family: Family, split: str, num_jobs: int) -> Array:
     """Return the numbers of the histories of the first jobs, shape (jobs, numbers)."""
-    limits = [family.job(job, split).scenario.control.time_limit for job in range(num_jobs)]
+    # Jobs of similar length are played together, so that few environments wait.
+    limits = []
+    for number in range(num_jobs):
+        job = family.job(number, split)
+        limits.append(job.scenario.control.time_limit)
     order = np.argsort(limits, kind="stable").tolist()
     numbers: Any = None
     for first in range(0, num_jobs, BATCH):
         chunk = order[first : first + BATCH]
-        of_chunk = numbers_of(explore(family, split, chunk))
+        histories = explore(family, split, chunk)
+        of_chunk = numbers_of(histories)
         if numbers is None:
             numbers = np.empty((num_jobs, of_chunk.shape[1]))
         numbers[chunk] = of_chunk
@@ -310,14 +334,18 @@ def left_out_scores(numbers: Array, present: NDArray[np.bool_]) -> Array:
         others = numbers[~left_out]
         mean = others.mean(axis=0)
         spread = np.maximum(others.std(axis=0), MIN_DEVIATION)
-        standard = np.clip((numbers - mean) / spread, -MAX_STANDARD, MAX_STANDARD)
-        wide = np.column_stack([standard, standard**2 - 1.0])
-        train = wide[~left_out]
+        deviations = (numbers - mean) / spread
+        standard = np.clip(deviations, -MAX_STANDARD, MAX_STANDARD)
+        squares = standard**2 - 1.0
+        features = np.column_stack([standard, squares])
+
+        train = features[~left_out]
         target = present[~left_out].astype(np.float64)
         target -= target.mean()
-        normal = train.T @ train + RIDGE * np.eye(wide.shape[1])
+        ridge = RIDGE * np.eye(features.shape[1])
+        normal = train.T @ train + ridge
         slopes = np.linalg.solve(normal, train.T @ target)
-        scores[left_out] = wide[left_out] @ slopes
+        scores[left_out] = features[left_out] @ slopes
     return scores
 
 
@@ -331,9 +359,12 @@ def area_under_curve(scores: Array, present: NDArray[np.bool_]) -> float:
 def area_with_interval(scores: Array, present: NDArray[np.bool_]) -> tuple[float, float, float]:
     """Return the area under the curve with its 95 % bootstrap interval over jobs."""
     generator = np.random.default_rng(KEY)
+    jobs = len(scores)
     areas = []
     for _ in range(RESAMPLES):
-        picks = generator.integers(len(scores), size=len(scores))
-        areas.append(area_under_curve(scores[picks], present[picks]))
+        picks = generator.integers(jobs, size=jobs)
+        area = area_under_curve(scores[picks], present[picks])
+        areas.append(area)
     low, high = np.quantile(areas, [0.025, 0.975])
-    return area_under_curve(scores, present), float(low), float(high)
+    area = area_under_curve(scores, present)
+    return area, float(low), float(high)

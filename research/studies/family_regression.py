@@ -94,10 +94,15 @@ def interpolated(returns: Tensor, log_shares: Tensor) -> Tensor:
     speed, speed_place = _place(log_shares[:, 0], SPEEDS)
     feed, feed_place = _place(log_shares[:, 1], FEEDS)
     job = torch.arange(len(returns))
-    slow = returns[job, speed, feed]
-    slow = slow + feed_place * (returns[job, speed, feed + 1] - slow)
-    fast = returns[job, speed + 1, feed]
-    fast = fast + feed_place * (returns[job, speed + 1, feed + 1] - fast)
+
+    # The four corners of each job's cell of the grid.
+    slow_low = returns[job, speed, feed]
+    slow_high = returns[job, speed, feed + 1]
+    fast_low = returns[job, speed + 1, feed]
+    fast_high = returns[job, speed + 1, feed + 1]
+
+    slow = slow_low + feed_place * (slow_high - slow_low)
+    fast = fast_low + feed_place * (fast_high - fast_low)
     return slow + speed_place * (fast - slow)
 
 
@@ -112,13 +117,24 @@ def _place(log_share: Tensor, shares: Sequence[float]) -> tuple[Tensor, Tensor]:
 
 def fitted(context: Tensor, returns: Tensor, penalty: float) -> Law:
     """Return the law with the highest mean return, less the penalty on its squared weights."""
-    weights = torch.zeros(context.shape[1], 2, dtype=torch.double, requires_grad=True)
-    start = [np.log(np.median(SPEEDS)), np.log(np.median(FEEDS))]
-    constants = torch.tensor(start, dtype=torch.double, requires_grad=True)
+    weights = torch.zeros(
+        context.shape[1],
+        2,
+        dtype=torch.double,
+        requires_grad=True,
+    )
+    middle_speed = np.log(np.median(SPEEDS))
+    middle_feed = np.log(np.median(FEEDS))
+    constants = torch.tensor(
+        [middle_speed, middle_feed],
+        dtype=torch.double,
+        requires_grad=True,
+    )
     law = Law(weights, constants)
     optimizer = torch.optim.Adam(law, lr=LEARNING_RATE)
     for _ in range(ITERATIONS):
-        value = interpolated(returns, law.log_shares(context)).mean() / RETURN_SCALE
+        of_jobs = interpolated(returns, law.log_shares(context))
+        value = of_jobs.mean() / RETURN_SCALE
         loss = penalty * weights.square().sum() - value
         optimizer.zero_grad()
         loss.backward()  # type: ignore[no-untyped-call]
@@ -128,11 +144,13 @@ def fitted(context: Tensor, returns: Tensor, penalty: float) -> Law:
 
 def cross_validated(context: Tensor, returns: Tensor, penalty: float) -> Floats:
     """Return each job's return by the law that was fitted to the other folds, shape (jobs,)."""
-    fold = torch.arange(len(returns)) % FOLDS
-    earned = torch.empty(len(returns), dtype=torch.double)
+    jobs = len(returns)
+    fold = torch.arange(jobs) % FOLDS
+    earned = torch.empty(jobs, dtype=torch.double)
     for number in range(FOLDS):
         held_out = fold == number
-        law = fitted(context[~held_out], returns[~held_out], penalty)
+        others = ~held_out
+        law = fitted(context[others], returns[others], penalty)
         log_shares = law.log_shares(context[held_out])
         earned[held_out] = interpolated(returns[held_out], log_shares)
     return earned.numpy()
@@ -140,13 +158,15 @@ def cross_validated(context: Tensor, returns: Tensor, penalty: float) -> Floats:
 
 def best_constants(returns: Tensor) -> Floats:
     """Return each job's return at the pair of shares that is best on the other folds."""
-    flat = returns.reshape(len(returns), -1)
-    fold = torch.arange(len(returns)) % FOLDS
-    earned = torch.empty(len(returns), dtype=torch.double)
+    jobs = len(returns)
+    of_pairs = returns.reshape(jobs, -1)
+    fold = torch.arange(jobs) % FOLDS
+    earned = torch.empty(jobs, dtype=torch.double)
     for number in range(FOLDS):
         held_out = fold == number
-        best = flat[~held_out].mean(dim=0).argmax()
-        earned[held_out] = flat[held_out, best]
+        means = of_pairs[~held_out].mean(dim=0)
+        best = means.argmax()
+        earned[held_out] = of_pairs[held_out, best]
     return earned.numpy()
 
 

@@ -90,22 +90,25 @@ def clause_for(source: str, name: str, names: Collection[str]) -> str:
 def numbers_of(family: Family) -> Iterator[Numbers]:
     """Yield all numbers of a family."""
     for name, variable in family.variables.items():
-        yield Numbers(name, NUMBERS, kind_of(clause_for(variable.source, name, names=[TRUTH])))
+        clause = clause_for(variable.source, name, names=[TRUTH])
+        yield Numbers(name, NUMBERS, kind_of(clause))
         if variable.truth:
             clause = clause_for(variable.source, TRUTH, names=[TRUTH])
             yield Numbers(f"{name}.{TRUTH}", NUMBERS, kind_of(clause))
     for table in family.tables.values():
         names = [*table.columns, TRUTH]
+        rows = len(table.rows)
         for column in table.columns:
             clause = clause_for(table.source, column, names=names)
-            yield Numbers(column, len(table.rows), kind_of(clause))
+            yield Numbers(column, rows, kind_of(clause))
         for column in table.truth:
             clause = clause_for(table.source, TRUTH, names=names)
             yield Numbers(f"{column}.{TRUTH}", NUMBERS, kind_of(clause))
     for fields in (family.fields, family.hidden, family.planned):
         for name, value in fields.items():
+            _, _, field = name.rpartition(".")
             is_number = not isinstance(value, bool | str)
-            if is_number and name.rpartition(".")[2] not in FIELDS_WITHOUT_SOURCE:
+            if is_number and field not in FIELDS_WITHOUT_SOURCE:
                 yield Numbers(name, 1, NEITHER)
 
 

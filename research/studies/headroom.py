@@ -28,12 +28,13 @@ MAX_SEEDS = 256  # seeds that shipped results have played
 
 def returns_of(name: str, leaderboard: Leaderboard, seeds: Sequence[int]) -> Floats:
     """Return a policy's returns [s] on seeds that it has played, means over its training seeds."""
-    returns = []
+    by_training = []
     for result in leaderboard.results:
         if leaderboard.names[result.policy.label] == name:
+            returns = np.array(result.episodes["return"])
             places = [result.task.seeds.index(seed) for seed in seeds]
-            returns.append(np.array(result.episodes["return"])[places])
-    mean: Floats = np.mean(returns, axis=0)
+            by_training.append(returns[places])
+    mean: Floats = np.mean(by_training, axis=0)
     return mean
 
 

@@ -36,9 +36,13 @@ def differences(agent: PolicySpec, jobs: int, steps: int) -> dict[str, NDArray[n
     Raises:
         UserError: the agent does not play a family with a belief.
     """
-    family = family_of(FAMILY_ID, agent.parameters) if "family" in agent.parameters else None
-    if family is None or agent.parameters.get("belief") is not True:
+    family = None
+    if "family" in agent.parameters:
+        family = family_of(FAMILY_ID, agent.parameters)
+    has_belief = agent.parameters.get("belief") is True
+    if family is None or not has_belief:
         raise UserError(f"{agent.name} does not play a family with a belief")
+
     env: Any = TaughtVecEnv(family, jobs)
     env.seed(TUNING_START)
     observations = env.reset()
@@ -51,21 +55,30 @@ def differences(agent: PolicySpec, jobs: int, steps: int) -> dict[str, NDArray[n
             errors.append(actions - env.labels())
         observations, _, ended, _ = env.step(actions)
         policy.reset(ended)
+
     control = family.job(0).scenario.control
     action_errors = np.array(errors, np.float64)
     speed = control.cutting_speed_step * action_errors[:, :, 0]
     feed = control.feed_step * action_errors[:, :, 1]
-    return {"cutting speed": speed, "feed": feed, "removal rate": speed + feed}
+    return {
+        "cutting speed": speed,
+        "feed": feed,
+        "removal rate": speed + feed,
+    }
 
 
 def row(name: str, errors: NDArray[np.float64]) -> dict[str, str]:
     """Return a table's row for errors of shape (steps, jobs)."""
     per_job = np.median(errors, axis=0)
+    rest = errors - per_job
+    mean = errors.mean()
+    spread_per_job = np.sqrt(np.square(per_job).mean())
+    spread_of_rest = np.sqrt(np.square(rest).mean())
     return {
         "Set point": name,
-        "Mean [%]": f"{100.0 * errors.mean():.1f}",
-        "Per job [%]": f"{100.0 * np.sqrt(np.square(per_job).mean()):.1f}",
-        "Rest [%]": f"{100.0 * np.sqrt(np.square(errors - per_job).mean()):.1f}",
+        "Mean [%]": f"{100.0 * mean:.1f}",
+        "Per job [%]": f"{100.0 * spread_per_job:.1f}",
+        "Rest [%]": f"{100.0 * spread_of_rest:.1f}",
     }
 
 

@@ -114,14 +114,20 @@ def residual_spreads(residuals: Any, edges: Any) -> Spreads:
     squares = 0.0
     for name in names:
         of_edge = residuals[edges == name]
-        means.append(of_edge.mean())
+        mean = of_edge.mean()
+        deviations = of_edge - mean
+        means.append(mean)
         sizes.append(len(of_edge))
-        squares += ((of_edge - of_edge.mean()) ** 2).sum()
-    within = squares / (len(residuals) - len(names))
+        squares += (deviations**2).sum()
+    freedom = len(residuals) - len(names)
+    within = squares / freedom
     # The mean of an edge's residuals scatters by those within it, too.
     by_chance = within * np.mean(1.0 / np.array(sizes))
     between = max(np.var(means, ddof=1) - by_chance, 0.0)
-    return Spreads(within=float(np.sqrt(within)), between=float(np.sqrt(between)))
+    return Spreads(
+        within=float(np.sqrt(within)),
+        between=float(np.sqrt(between)),
+    )
 
 
 def fit_law(runs: Sequence[dict[str, str]], force: Any) -> Law:
@@ -131,14 +137,25 @@ def fit_law(runs: Sequence[dict[str, str]], force: Any) -> Law:
     for i, name in enumerate(("vc", "f", "ap"), start=1):
         settings[:, i] = np.log(column(runs, name))
     # Given b, log F is linear in the other numbers.
-    best = Law(squares=np.inf, growth=0.0, solution=None, residuals=None)
+    best = Law(
+        squares=np.inf,
+        growth=0.0,
+        solution=None,
+        residuals=None,
+    )
     for growth in GROWTHS:
-        log_force = np.log(force) - np.log1p(growth * wear)
-        solution = np.linalg.lstsq(settings, log_force, rcond=None)[0]
+        by_wear = np.log1p(growth * wear)
+        log_force = np.log(force) - by_wear
+        solution, *_ = np.linalg.lstsq(settings, log_force, rcond=None)
         residuals = log_force - settings @ solution
         squares = float(residuals @ residuals)
         if squares < best.squares:
-            best = Law(squares, growth, solution=solution, residuals=residuals)
+            best = Law(
+                squares=squares,
+                growth=growth,
+                solution=solution,
+                residuals=residuals,
+            )
     return best
 
 
@@ -166,13 +183,18 @@ def spread_of_repeats(runs: Sequence[dict[str, str]], force: Any) -> float:
     """Return the log standard deviation of runs of one edge at one setting."""
     groups: dict[tuple[str, ...], list[float]] = {}
     for row, log_force in zip(runs, np.log(force), strict=True):
-        place = tuple(row[name] for name in SETTING)
-        groups.setdefault(place, []).append(log_force)
+        setting = tuple(row[name] for name in SETTING)
+        repeats = groups.setdefault(setting, [])
+        repeats.append(log_force)
+
     variances = []
     for repeats in groups.values():
         if len(repeats) > 1:
-            variances.append(np.var(repeats, ddof=1))
-    return float(np.sqrt(np.mean(variances))) if variances else float("nan")
+            variance = np.var(repeats, ddof=1)
+            variances.append(variance)
+    if not variances:
+        return float("nan")
+    return float(np.sqrt(np.mean(variances)))
 
 
 def fit_wear(readings: WearOverTime, by_edge: bool = False) -> WearLaw:
@@ -190,13 +212,18 @@ def fit_wear(readings: WearOverTime, by_edge: bool = False) -> WearLaw:
         of_edge = readings.edges == name
         log_time = np.log(readings.time[of_edge])
         log_wear = np.log(readings.wear[of_edge])
-        weight = 1.0 / len(log_time) if by_edge else 1.0
+        mean_time = log_time.mean()
+        mean_wear = log_wear.mean()
+        weight = 1.0
+        if by_edge:
+            weight = 1.0 / len(log_time)
         # Each edge has a factor of its own, so only deviations from its means count.
-        deviation = log_time - log_time.mean()
-        product += weight * (deviation * (log_wear - log_wear.mean())).sum()
+        deviation = log_time - mean_time
+        wear_deviation = log_wear - mean_wear
+        product += weight * (deviation * wear_deviation).sum()
         square += weight * (deviation**2).sum()
-        log_times.append(log_time.mean())
-        log_wears.append(log_wear.mean())
+        log_times.append(mean_time)
+        log_wears.append(mean_wear)
     exponent = product / square
     log_factors = np.array(log_wears) - exponent * np.array(log_times)
     return WearLaw(exponent, log_factors)
@@ -225,24 +252,32 @@ def h13_wear(prep: Path) -> Numbers:
     """Return the numbers of wear over time, at each depth."""
     rows = []
     for row in first_of_each(read_rows(prep), "Tool_ID", "CTime"):
-        if row["TCond"] not in ("na", "") and float(row["TCond"]) > 0.0:
+        wear = row["TCond"]
+        if wear not in ("na", "") and float(wear) > 0.0:
             rows.append(row)
     edges = np.array([row["Tool_ID"] for row in rows])
-    law = fit_wear(WearOverTime(column(rows, "CTime"), column(rows, "TCond"), edges=edges))
+    readings = WearOverTime(
+        column(rows, "CTime"),
+        column(rows, "TCond"),
+        edges=edges,
+    )
+    law = fit_wear(readings)
 
     depth = column(rows, "ap")
-    depth_of_edge = np.array([depth[edges == name][0] for name in np.unique(edges)])
+    first_depths = [depth[edges == name][0] for name in np.unique(edges)]
+    depth_of_edge = np.array(first_depths)
     depths = np.unique(depth_of_edge)
     numbers = {"exponent of time": law.exponent}
     squares = 0.0
     for value in depths:
         log_factors = law.log_factors[depth_of_edge == value]
-        factor = np.exp(log_factors.mean())
+        mean = log_factors.mean()
+        factor = np.exp(mean)
         numbers[f"K at {value:g} mm [mm]"] = factor
         numbers[f"life at {value:g} mm [min]"] = life(factor, law.exponent)
-        squares += ((log_factors - log_factors.mean()) ** 2).sum()
-    variance = squares / (len(depth_of_edge) - len(depths))
-    numbers["log spread of edges, within depths"] = np.sqrt(variance)
+        squares += ((log_factors - mean) ** 2).sum()
+    freedom = len(depth_of_edge) - len(depths)
+    numbers["log spread of edges, within depths"] = np.sqrt(squares / freedom)
     return numbers
 
 
@@ -299,12 +334,15 @@ def describe_lines(wear: Any, force: Any, edges: Any) -> Numbers:
 
 def spread_of_exponents(wear: Any, force: Any, edges: Any) -> float:
     """Return the standard deviation between edges of the exponents of wear of a force."""
+    within_life = (wear >= FRESH_WEAR) & (wear <= CRITERION)
     exponents = []
     for name in np.unique(edges):
-        counts = (edges == name) & (wear >= FRESH_WEAR) & (wear <= CRITERION)
+        chosen = (edges == name) & within_life
+        edge_wear = wear[chosen]
+        edge_force = force[chosen]
         # A short range of wear determines no exponent.
-        if counts.sum() > MIN_READINGS and np.ptp(wear[counts]) > MIN_RANGE:
-            slope, _ = np.polyfit(np.log(wear[counts]), np.log(force[counts]), 1)
+        if len(edge_wear) > MIN_READINGS and np.ptp(edge_wear) > MIN_RANGE:
+            slope, _ = np.polyfit(np.log(edge_wear), np.log(edge_force), 1)
             exponents.append(slope)
     return float(np.std(exponents, ddof=1))
 

@@ -31,45 +31,54 @@ def record(env: FamilyEnv, policy: Policy, job: int) -> tuple[dict[str, Any], fl
     """Play a job; return machine time [min] and ``SHOWN`` over its steps, and the return [s]."""
     observation, _ = env.reset(seed=job)
     policy.reset(np.ones(1, np.bool_))
-    values: dict[str, list[float]] = {name: [] for name in ("clock", *SHOWN)}
+    values: dict[str, list[float]] = {"clock": []}
+    for name in SHOWN:
+        values[name] = []
     total = 0.0
     clock = 0.0
     ended = False
     while not ended:
-        action = policy.act(observation[np.newaxis])[0]
-        observation, reward, terminated, truncated, info = env.step(action)
+        actions = policy.act(observation[np.newaxis])
+        observation, reward, terminated, truncated, info = env.step(actions[0])
         total += float(reward)
         clock += info["time"] / 60.0
         ended = terminated or truncated
         values["clock"].append(clock)
         for name in SHOWN:
             values[name].append(float(info[name]))
-    return {name: np.array(numbers) for name, numbers in values.items()}, total
+    arrays = {name: np.array(numbers) for name, numbers in values.items()}
+    return arrays, total
 
 
 def draw(runs: dict[str, tuple[dict[str, Any], float]], start_speed: float, path: Path) -> None:
     """Draw the runs, by the policies' names; speeds over the material's start speed [m/min]."""
     with style.for_print():
         figure = Figure(figsize=(4.8, 3.6), layout="constrained")
-        speed, life = figure.subplots(2, 1, sharex=True)
+        speed_axes, life_axes = figure.subplots(2, 1, sharex=True)
         for k, (name, (values, total)) in enumerate(runs.items()):
             colour, _ = style.LINES[k]
-            stopped = np.diff(values["clock"], prepend=0.0) > 0.5  # the edge was changed
-            speeds = np.where(stopped, np.nan, values["cutting_speed"] / start_speed)
-            speed.plot(values["clock"], speeds, color=colour, label=f"{name}: {total:.0f} s")
-            life.plot(values["clock"], np.where(stopped, np.nan, values["used_life"]), color=colour)
-            before = np.maximum(np.flatnonzero(values["edges_broken"] > 0) - 1, 0)
-            life.plot(
-                values["clock"][before],
-                values["used_life"][before],
+            label = f"{name}: {total:.0f} s"
+            clock = values["clock"]
+            used_life = values["used_life"]
+            # The lines have a gap where the edge was changed.
+            stopped = np.diff(clock, prepend=0.0) > 0.5
+            shown_speed = np.where(stopped, np.nan, values["cutting_speed"] / start_speed)
+            shown_life = np.where(stopped, np.nan, used_life)
+            speed_axes.plot(clock, shown_speed, color=colour, label=label)
+            life_axes.plot(clock, shown_life, color=colour)
+            broken = np.flatnonzero(values["edges_broken"] > 0)
+            before = np.maximum(broken - 1, 0)
+            life_axes.plot(
+                clock[before],
+                used_life[before],
                 "x",
                 color=colour,
                 markersize=9,
             )
-        speed.set_ylabel("cutting speed\nover start value [-]")
-        life.set_ylabel("used life [-]\nx: edge broken")
-        life.set_xlabel("machine time [min]")
-        speed.legend(loc="upper right", ncols=2)
+        speed_axes.set_ylabel("cutting speed\nover start value [-]")
+        life_axes.set_ylabel("used life [-]\nx: edge broken")
+        life_axes.set_xlabel("machine time [min]")
+        speed_axes.legend(loc="upper right", ncols=2)
         style.save(style.readable(figure), path)
 
 

@@ -29,12 +29,16 @@ def returns_of(policy: str, folder: Path) -> Floats:
     Raises:
         UserError: the folder has none; the message lists its policies.
     """
-    results = read_results(folder).values()
-    found = [result.episodes["return"] for result in results if result.policy.title == policy]
-    if not found:
-        titles = sorted({result.policy.title for result in results})
-        raise UserError(f"{folder} has no policy {policy!r}; it has {', '.join(titles) or 'none'}")
-    return np.array(found)
+    titles = set()
+    returns = []
+    for result in read_results(folder).values():
+        titles.add(result.policy.title)
+        if result.policy.title == policy:
+            returns.append(result.episodes["return"])
+    if not returns:
+        known = ", ".join(sorted(titles)) or "none"
+        raise UserError(f"{folder} has no policy {policy!r}; it has {known}")
+    return np.array(returns)
 
 
 def differences(first: str, second: str, folder: Path) -> dict[str, str]:
@@ -45,13 +49,16 @@ def differences(first: str, second: str, folder: Path) -> dict[str, str]:
     replicates = bootstrap.means(returns, first) - bootstrap.means(others, second)
     leads = returns.mean(axis=0) - others.mean(axis=0)
     mean = Estimate.of(leads.mean(), replicates)
-    without_largest = leads[np.argsort(-np.abs(leads), kind="stable")[LARGEST:]]
+
+    by_size = np.argsort(-np.abs(leads), kind="stable")
+    without_largest = leads[by_size[LARGEST:]]
+    better = 100.0 * (leads > 0.0).mean()
     return {
         "Scenario": folder.name,
         "Difference [s]": f"{mean.value:.0f} ({mean.low:.0f} to {mean.high:.0f})",
         "Median [s]": f"{np.median(leads):.0f}",
         f"Without {LARGEST} largest [s]": f"{without_largest.mean():.0f}",
-        "Better [% of jobs]": f"{100.0 * (leads > 0.0).mean():.0f}",
+        "Better [% of jobs]": f"{better:.0f}",
     }
 
 

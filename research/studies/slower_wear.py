@@ -13,7 +13,6 @@ would explain a reversal, with a Taylor exponent of ``TAYLOR``, is
 
 import argparse
 import sys
-from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import combinations
 from pathlib import Path
@@ -50,13 +49,15 @@ class Reversal(NamedTuple):
 
 def settings_of(rows: Iterable[Mapping[str, str]]) -> list[dict[float, dict[float, float]]]:
     """Return the wear of each setting with several speeds, by speed [m/min]."""
-    settings: dict[tuple[str, ...], dict[float, dict[float, float]]]
-    settings = defaultdict(lambda: defaultdict(dict))
+    settings: dict[tuple[str, ...], dict[float, dict[float, float]]] = {}
     for row in rows:
         setting = tuple(row[name] for name in (*SETTING, DEPTH))
-        wear = settings[setting][float(row["cutting_speed_m_min"])]
-        wear[float(row["time_min"])] = float(row["flank_wear_mm"])
-    return [dict(speeds) for speeds in settings.values() if len(speeds) > 1]
+        speed = float(row["cutting_speed_m_min"])
+        time = float(row["time_min"])
+        by_speed = settings.setdefault(setting, {})
+        wear = by_speed.setdefault(speed, {})
+        wear[time] = float(row["flank_wear_mm"])
+    return [dict(by_speed) for by_speed in settings.values() if len(by_speed) > 1]
 
 
 def reversal_of(slow: Wear, fast: Wear, speed_ratio: float) -> Reversal | None:
@@ -89,13 +90,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("file", type=Path, help="CSV file of readings")
     options = parser.parse_args(arguments)
     settings = settings_of(read_rows(options.file))
-    reversals = [found for speeds in settings if (found := largest_reversal(speeds))]
+    reversals = []
+    for speeds in settings:
+        reversal = largest_reversal(speeds)
+        if reversal is not None:
+            reversals.append(reversal)
     print(f"settings with several speeds: {len(settings)}")
     print(f"of these, the slower edge wears more in: {len(reversals)}")
     for name in ("speed_ratio", "wear_ratio", "size"):
         values = [getattr(reversal, name) for reversal in reversals]
         low, first, middle, third, high = np.quantile(values, [0.0, 0.25, 0.5, 0.75, 1.0])
-        print(f"{name}: {low:.2f} to {high:.2f}, median {middle:.2f} ({first:.2f} to {third:.2f})")
+        middle_half = f"{first:.2f} to {third:.2f}"
+        print(f"{name}: {low:.2f} to {high:.2f}, median {middle:.2f} ({middle_half})")
     return 0
 
 

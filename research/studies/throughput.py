@@ -129,11 +129,13 @@ def _actions_of(space: gymnasium.Space[Any], *num_envs: int) -> Callable[[], Any
 def measure(cases: Sequence[Case], repeats: int, seconds: float) -> list[list[Timing]]:
     """Time every case (first index) in every turn (second) for about ``seconds`` of wall time."""
     counts = [calls_within(case, seconds) for case in cases]
-    turns = [
-        [timed(case, count) for case, count in zip(cases, counts, strict=True)]
-        for _ in tqdm(range(repeats), unit="turn", dynamic_ncols=True, disable=None)
-    ]
-    return [list(timings) for timings in zip(*turns, strict=True)]
+    timings: list[list[Timing]] = [[] for _ in cases]
+    # Every turn times all cases, so that a slow minute of the computer slows all of them.
+    turns = tqdm(range(repeats), unit="turn", dynamic_ncols=True, disable=None)
+    for _ in turns:
+        for case, count, of_case in zip(cases, counts, timings, strict=True):
+            of_case.append(timed(case, count))
+    return timings
 
 
 def calls_within(case: Case, seconds: float) -> int:
@@ -185,30 +187,28 @@ def envpool_cases() -> Iterator[Case]:
 
 def gymnax_cases() -> Iterator[Case]:
     """Yield cases of gymnax: a compiled loop over steps and random actions."""
-    jax, gymnax = importlib.import_module("jax"), importlib.import_module("gymnax")
+    jax = importlib.import_module("jax")
+    gymnax = importlib.import_module("gymnax")
     env, parameters = gymnax.make("Pendulum-v1")
 
     def step(state: Any, key: Any) -> tuple[Any, Any]:
         act, move = jax.random.split(key)
-        _, state, reward, *_ = env.step(
-            move, state, env.action_space(parameters).sample(act), parameters
-        )
+        action = env.action_space(parameters).sample(act)
+        _, state, reward, *_ = env.step(move, state, action, parameters)
         return state, reward
 
     def scan(states: Any, key: Any) -> Any:
         def all_envs(states: Any, key: Any) -> Any:
-            return jax.vmap(step)(
-                states, jax.random.split(key, jax.tree_util.tree_leaves(states)[0].shape[0])
-            )
+            num_envs = jax.tree_util.tree_leaves(states)[0].shape[0]
+            return jax.vmap(step)(states, jax.random.split(key, num_envs))
 
         return jax.lax.scan(all_envs, states, jax.random.split(key, _SCAN))
 
     compiled_scan = jax.jit(scan)
+    reset_all = jax.vmap(env.reset, in_axes=(0, None))
     for num_envs in SIZES[2:]:
         key = jax.random.PRNGKey(0)
-        _, states = jax.vmap(env.reset, in_axes=(0, None))(
-            jax.random.split(key, num_envs), parameters
-        )
+        _, states = reset_all(jax.random.split(key, num_envs), parameters)
 
         def run(states: Any = states, key: Any = key) -> None:
             jax.block_until_ready(compiled_scan(states, key))
@@ -298,9 +298,14 @@ def table(cases: Sequence[Case], timings: Sequence[Sequence[Timing]]) -> list[st
     ]
     rounded = EngFormatter(places=1, sep=" ")
     for case, turns in zip(cases, timings, strict=True):
-        rate, cpu_rate = (rounded(statistics.median(rates)) for rates in zip(*turns, strict=True))
-        ratio = text([turn.rate / base.rate for turn, base in zip(turns, timings[0], strict=True)])
-        lines.append(f"| {case.name} | {case.num_envs} | {rate} | {cpu_rate} | {ratio} |")
+        rates, cpu_rates = zip(*turns, strict=True)
+        rate = rounded(statistics.median(rates))
+        cpu_rate = rounded(statistics.median(cpu_rates))
+        ratios = []
+        for turn, base in zip(turns, timings[0], strict=True):
+            ratios.append(turn.rate / base.rate)
+        cells = (case.name, str(case.num_envs), rate, cpu_rate, text(ratios))
+        lines.append(f"| {' | '.join(cells)} |")
     return lines
 
 
@@ -312,9 +317,15 @@ def text(ratios: Sequence[float]) -> str:
 def machine() -> str:
     """Return processor, cores, system and Python."""
     information = Path("/proc/cpuinfo")
-    lines = information.read_text("utf-8").splitlines() if information.exists() else []
-    models = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    model = models[0] if models else platform.processor() or platform.machine()
+    lines = []
+    if information.exists():
+        lines = information.read_text("utf-8").splitlines()
+    model = platform.processor() or platform.machine()
+    for line in lines:
+        key, _, value = line.partition(":")
+        if key.startswith("model name"):
+            model = value.strip()
+            break
     return (
         f"{model}, {os.cpu_count()} logical cores, {platform.system()}, "
         f"Python {platform.python_version()}"

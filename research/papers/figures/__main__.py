@@ -136,9 +136,12 @@ def index(descriptions: Mapping[str, Sequence[str]], formats: Sequence[str]) -> 
     """
     text = HEAD
     for name, (caption, *lines) in descriptions.items():
-        text += f"\n## {name}\n\n![{name}]({name}.{formats[0]})\n\n{caption}\n"
+        image = f"![{name}]({name}.{formats[0]})"
+        text += f"\n## {name}\n\n{image}\n\n{caption}\n"
         if lines:
-            text += "\n" + "".join(f"* {line}\n" for line in lines)
+            text += "\n"
+        for line in lines:
+            text += f"* {line}\n"
     return text
 
 

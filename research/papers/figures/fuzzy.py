@@ -116,10 +116,16 @@ def draw_conjunction() -> Figure:
     for correction, colour in zip(CORRECTIONS, COLOURS, strict=True):
         constant = np.full_like(override, correction)
         # Equations (4) and (7).
-        without_d = 100.0 * conjunction(override, constant, d=FIRST_FORM["d"])
-        with_d = 100.0 * conjunction(override, constant, d=MODIFIED_FORM["d"])
-        axes.plot(override_percent, without_d, color=colour, linestyle="--", linewidth=0.8)
-        axes.plot(override_percent, with_d, color=colour)
+        without_d = conjunction(override, constant, d=FIRST_FORM["d"])
+        with_d = conjunction(override, constant, d=MODIFIED_FORM["d"])
+        axes.plot(
+            override_percent,
+            100.0 * without_d,
+            color=colour,
+            linestyle="--",
+            linewidth=0.8,
+        )
+        axes.plot(override_percent, 100.0 * with_d, color=colour)
         looks[f"$W_k$ = {correction:g}"] = {"color": colour}
     axes.set_xlabel("present override $O_a$ [%]")
     axes.set_ylabel("new override $O_n$ [%]")

@@ -46,20 +46,28 @@ def draw_pairs() -> Figure:
     """Draw the chosen cutting speed and feed over the minutes, with those stated in the text."""
     figure, panels = lettered((style.SINGLE, 3.6), rows=2, columns=1, sharex=True)
     labels = ("cutting speed [m/min]", "feed [mm/rev]")
+    stated_minutes = list(STATED)
     for index, (axes, label) in enumerate(zip(panels, labels, strict=True)):
-        _over_minutes(axes, label, [minute.pair[index] for minute in whole_life()])
+        chosen_values = [minute.pair[index] for minute in whole_life()]
         stated_values = [pair[index] for pair in STATED.values()]
-        axes.plot(list(STATED), stated_values, **style.PRINTED)
+        _over_minutes(axes, label, chosen_values)
+        axes.plot(stated_minutes, stated_values, **style.PRINTED)
         axes.margins(y=0.15)
         axes.tick_params(labelbottom=True)
-    legend(figure, {"grid search": style.OURS, "stated in the text": style.PRINTED}, columns=2)
+    looks = {
+        "grid search": style.OURS,
+        "stated in the text": style.PRINTED,
+    }
+    legend(figure, looks, columns=2)
     return figure
 
 
 def _over_minutes(axes: Axes, label: str, values: list[float]) -> None:
-    axes.plot(np.arange(1, len(values) + 1), values, **style.OURS)
-    axes.set_xlim(0.0, len(values) + 1.0)
-    axes.set_xticks(range(0, len(values) + 1, 2))
+    count = len(values)
+    minutes = np.arange(1, count + 1)
+    axes.plot(minutes, values, **style.OURS)
+    axes.set_xlim(0.0, count + 1.0)
+    axes.set_xticks(range(0, count + 1, 2))
     axes.set_xlabel("cutting time [min]")
     axes.set_ylabel(label)
 
@@ -135,19 +143,24 @@ def _draw_measured_lives(axes: Axes, criterion: float) -> None:
 
 def _draw_ratios(axes: Axes) -> None:
     rate = adaptive_control().rate
-    tests = [rival.test for rival in rivals()]
-    positions = np.arange(len(tests))
+    names = []
+    ratios = []
+    printed_ratios = []
+    for rival in rivals():
+        names.append(rival.test.name)
+        ratios.append(rate / rival.nominal.rate)
+        printed_ratios.append(rival.test.rate_ratio)
+    positions = np.arange(len(names))
 
-    ratios = [rate / rival.nominal.rate for rival in rivals()]
-    axes.plot(positions, ratios, **style.OURS | {"linestyle": "none"}, label="project")
-    printed_ratios = [test.rate_ratio for test in tests]
+    markers_only = style.OURS | {"linestyle": "none"}
+    axes.plot(positions, ratios, **markers_only, label="project")
     axes.plot(positions, printed_ratios, **style.PRINTED, label="paper")
     axes.axhline(1.0, color=style.GREY, linewidth=0.6)
 
     axes.set_yscale("log")
     axes.set_yticks((1, 2, 3, 5, 10), ("1", "2", "3", "5", "10"))
     axes.minorticks_off()
-    axes.set_xticks(positions, [test.name for test in tests])
+    axes.set_xticks(positions, names)
     axes.set_xlabel("test at fixed speed and feed")
     axes.set_ylabel("grid search over test,\nmetal per minute [-], log scale")
     axes.legend(loc="upper right")

@@ -52,17 +52,24 @@ def draw(scenario: Scenario | None = None) -> Figure:
     """
     scenario = scenario or stepped_bar(DEPTHS)
     trajectories = {name: _play(name, scenario) for name in TITLES}
-    longest = max(trajectory.time[-1] for trajectory in trajectories.values())
+    ends = [trajectory.time[-1] for trajectory in trajectories.values()]
 
     # Two rows of four rules, each with its depth above its response.
     figure = Figure(figsize=(style.DOUBLE, 6.0), layout="constrained")
-    panels = figure.subplots(4, 4, sharex=True, sharey="row", height_ratios=(1, 3, 1, 3))
-    panels[0, 0].set_xlim(0.0, longest)
+    panels = figure.subplots(
+        4,
+        4,
+        sharex=True,
+        sharey="row",
+        height_ratios=(1, 3, 1, 3),
+    )
+    panels[0, 0].set_xlim(0.0, max(ends))
     depth_panels = panels[::2].ravel()
     response_panels = panels[1::2].ravel()
     for index, (name, trajectory) in enumerate(trajectories.items()):
-        depth_panels[index].set_title(TITLES[name], fontsize="medium", loc="left")
-        _draw_depth(depth_panels[index], trajectory)
+        depth_axes = depth_panels[index]
+        depth_axes.set_title(TITLES[name], fontsize="medium", loc="left")
+        _draw_depth(depth_axes, trajectory)
         _draw_response(response_panels[index], trajectory, scenario=scenario)
     for row in (0, 2):
         panels[row, 0].set_ylabel("depth\n[mm]")
@@ -76,7 +83,9 @@ def draw(scenario: Scenario | None = None) -> Figure:
         "share of torque; highest value": _LOAD,
         "target load": _TARGET,
     }
-    handles = [Line2D([], [], label=label, **look) for label, look in looks.items()]
+    handles = []
+    for label, look in looks.items():
+        handles.append(Line2D([], [], label=label, **look))
     legend = response_panels[-1].legend(handles=handles, loc="upper right", frameon=False)
     legend.set_in_layout(False)  # else its column would be wider
     figure.align_ylabels()

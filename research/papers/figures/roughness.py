@@ -23,13 +23,20 @@ def draw_control() -> Figure:
     """Draw Ra, force and feed over time while the reference changes."""
     scenario = Scenario.load("surface")
     control = scenario.control
-    programmed = FixedParameters(scenario, control.initial_cutting_speed, feed=control.initial_feed)
+    speed = control.initial_cutting_speed
+    feed = control.initial_feed
+    programmed = FixedParameters(scenario, speed, feed=feed)
     constant_force = ConstantForce(PartProgram(scenario, {}), 1)
     free = record(programmed, scenario, tuning_seeds(1))
     held = record(constant_force, scenario, tuning_seeds(1))
-    time = control.interval * np.arange(1, len(free["feed"]) + 1)
+    steps = len(free["feed"])
+    time = control.interval * np.arange(1, steps + 1)
 
-    labels = {"roughness": "Ra [µm]", "thrust_force": "force [N]", "feed": "feed [mm/rev]"}
+    labels = {
+        "roughness": "Ra [µm]",
+        "thrust_force": "force [N]",
+        "feed": "feed [mm/rev]",
+    }
     figure, panels = lettered((style.DOUBLE, 4.8), rows=3, columns=1, sharex=True)
     for axes, (name, label) in zip(panels, labels.items(), strict=True):
         axes.plot(time, free[name], **_FREE)
@@ -43,6 +50,10 @@ def draw_control() -> Figure:
         axes.set_xlim(0.0, time[-1])
     panels[-1].set_xlabel("time [s]")
     figure.align_ylabels()
-    looks = {"feed as programmed": _FREE, "constant force": _HELD, "reference of Ra": _REFERENCE}
+    looks = {
+        "feed as programmed": _FREE,
+        "constant force": _HELD,
+        "reference of Ra": _REFERENCE,
+    }
     legend(figure, looks, columns=len(looks))
     return figure

@@ -86,14 +86,17 @@ def markdown(results: Results) -> Iterator[str]:
     yield "|---|---|---|---|---|"
     for paper, checks in results:
         verdicts = [check.verdict for check in checks]
-        counts = " | ".join(str(verdicts.count(verdict)) for verdict in PASSED)
+        counts = [str(verdicts.count(verdict)) for verdict in PASSED]
         anchor = paper.page.replace("_", "-")
         title = f"[{paper.title}](#{anchor})"
-        yield f"| {title} | {unheld(paper, checks)} of {len(paper.items)} | {counts} |"
+        items = f"{unheld(paper, checks)} of {len(paper.items)}"
+        yield f"| {title} | {items} | {' | '.join(counts)} |"
 
     for paper, checks in results:
         heading = paper.page.replace("_", " ").capitalize()
-        yield from ("", f"## {heading}", "")
+        yield ""
+        yield f"## {heading}"
+        yield ""
         yield "| Item | In the code | Agreement |"
         yield "|---|---|---|"
         for item in paper.items:

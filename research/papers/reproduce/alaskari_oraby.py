@@ -214,7 +214,8 @@ def scatter_checks() -> Iterator[Check]:
     preset = Scenario.load("measured_wear")
     # The wear factor is log-normal.
     spread = EDGES_WITHIN * preset.tool.wear_factor_spread
-    high, low = preset.mismatch.wear_factor * np.exp((spread, -spread))
+    median = preset.mismatch.wear_factor
+    high, low = median * np.exp((spread, -spread))
     shortest = verification.played(MEASURED, high)
     longest = verification.played(MEASURED, low)
     for test, short, long in zip(MEASURED, shortest, longest, strict=True):

@@ -123,18 +123,21 @@ def play(policy: Policy, scenario: Scenario) -> Outcome:
     """Play one episode of every seed."""
     recorded = record(policy, scenario, tuning_seeds(NUM_SEEDS), names=SURFACE)
     settled = round(SETTLED / scenario.control.interval)
-    deviation = np.abs(recorded["roughness"] / recorded["roughness_reference"] - 1.0)
+    ratio = recorded["roughness"] / recorded["roughness_reference"]
+    deviation = np.abs(ratio - 1.0)
     in_metal_at_entry = recorded["cutting"][:settled]
     entry_deviation = deviation[:settled][in_metal_at_entry]
 
+    force = recorded["thrust_force"][settled:]
+    feed = recorded["feed"][settled:]
     roughness = recorded["roughness"][settled:]
     mean_roughness = roughness.mean(axis=0)
     spread = roughness.std(axis=0) / mean_roughness
     commanded_feed = recorded["commanded_feed"][settled:]
     saturated = commanded_feed > 0.9999 * scenario.machine.feed_max
     return Outcome(
-        force=float(recorded["thrust_force"][settled:].mean()),
-        feed=float(recorded["feed"][settled:].mean()),
+        force=float(force.mean()),
+        feed=float(feed.mean()),
         roughness=mean_roughness,
         spread=float(spread.mean()),
         deviation=float(deviation[settled:].mean()),

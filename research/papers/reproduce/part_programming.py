@@ -169,9 +169,17 @@ def pass_cost(rule: str, depth_of_cut: Array, slack: float = SLACK) -> Array:
     depth = np.maximum(depth_of_cut, MIN_DEPTH)
 
     # Time to cut, pi d l / (1000 V S), and the share of edges that it uses.
-    time = math.pi * workpiece.diameter * workpiece.bar_length / (1000.0 * speed * feed)
-    log_life = process.log_life(np.log(speed), np.log(feed), depth_of_cut=depth, hardness=1.0)
-    cost = time * (1.0 + process.edge_price * np.exp(-log_life)) + RETURN_TIME
+    surface = math.pi * workpiece.diameter * workpiece.bar_length  # [mm2]
+    surface_rate = 1000.0 * speed * feed  # [mm2/min]
+    time = surface / surface_rate
+    log_life = process.log_life(
+        np.log(speed),
+        np.log(feed),
+        depth_of_cut=depth,
+        hardness=1.0,
+    )
+    edge_cost = process.edge_price * np.exp(-log_life)
+    cost = time * (1.0 + edge_cost) + RETURN_TIME
 
     for limit in (process.thrust_force, process.power, process.torque):
         response = limit.law(speed, feed, depth_of_cut=depth)
@@ -205,13 +213,16 @@ def uncorrected_cost(rule: str, blank: Blank, passes: int, slack: float = SLACK)
 def gain(rule: str, blank: Blank, slack: float = SLACK) -> float:
     """Return psi = (Q_0 / Q_a - 1) 100 %, uncorrected over corrected cost of the mean part."""
     weights = np.exp(-0.5 * _DEVIATIONS**2)
-    uncorrected = []
+    by_passes = []
     for passes in range(1, MAX_PASSES + 1):
         costs = uncorrected_cost(rule, blank, passes=passes, slack=slack)
-        uncorrected.append(float(weights @ costs))
-    cheapest = divided_cost(rule, blank.allowances, slack=slack).min(axis=0)
+        by_passes.append(float(weights @ costs))
+    uncorrected = min(by_passes)
+
+    divided = divided_cost(rule, blank.allowances, slack=slack)
+    cheapest = divided.min(axis=0)
     corrected = float(weights @ cheapest)
-    return 100.0 * (min(uncorrected) / corrected - 1.0)
+    return 100.0 * (uncorrected / corrected - 1.0)
 
 
 def gain_by_reading(rule: str, kind: str, spatial_deviation: float) -> float:
@@ -238,15 +249,19 @@ def gain_table() -> Iterator[str]:
     """Yield the table of psi, with the mean of each source's kinds."""
     yield "Gain psi from correcting the path to the measured blank [%]."
     heads = ["source of dispersion, blank"]
-    heads += [f"[{rule}]" for rule in CLAIMED]
+    for rule in CLAIMED:
+        heads.append(f"[{rule}]")
     lines = []
     for source in SOURCES:
         by_rule = [gains(rule, source) for rule in CLAIMED]
-        gains_by_kind = {kind: [psi[kind] for psi in by_rule] for kind in by_rule[0]}
+        gains_by_kind = {}
+        for kind in by_rule[0]:
+            gains_by_kind[kind] = [psi[kind] for psi in by_rule]
         means = np.mean(list(gains_by_kind.values()), axis=0)
         gains_by_kind["mean of its kinds"] = means.tolist()
         for kind, values in gains_by_kind.items():
-            lines.append([f"{source}, {kind}", *(f"{value:.1f}" for value in values)])
+            cells = [f"{value:.1f}" for value in values]
+            lines.append([f"{source}, {kind}", *cells])
     yield from table(heads, lines)
 
 

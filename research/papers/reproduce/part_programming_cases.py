@@ -118,8 +118,11 @@ class Along:
         if self.eta * self.lambda_ > -ALIKE:
             return None
         # a eta t^(eta - 1) + gamma / C_T b lambda t^(lambda - 1) = 0
-        ratio = -self.a * self.eta / (self.price * self.b * self.lambda_)
-        return float(ratio ** (1.0 / (self.lambda_ - self.eta)))
+        falling = -self.a * self.eta
+        rising = self.price * self.b * self.lambda_
+        ratio = falling / rising
+        exponent = 1.0 / (self.lambda_ - self.eta)
+        return float(ratio**exponent)
 
 
 def printed(process: Process, first: Limit, second: Limit) -> Along:
@@ -143,24 +146,27 @@ def printed(process: Process, first: Limit, second: Limit) -> Along:
     """
     h = first.law
     phi = second.law
-    log_h = float(first.line(1.0, 1.0, wear=process.mean_wear).room)  # log([H] / C_H)
-    log_phi = float(second.line(1.0, 1.0, wear=process.mean_wear).room)
+    first_line = first.line(1.0, 1.0, wear=process.mean_wear)
+    second_line = second.line(1.0, 1.0, wear=process.mean_wear)
+    log_h = float(first_line.room) / h.feed  # log([H] / C_H) / beta_H
+    log_phi = float(second_line.room) / phi.cutting_speed  # log([Phi] / C_Phi) / alpha_Phi
     mu, nu, rho = process.life_exponents
     ratio = phi.feed / phi.cutting_speed
     depth_h = h.depth_of_cut / h.feed
     depth_phi = phi.depth_of_cut / phi.cutting_speed
-    log_a = log_h / h.feed * (ratio - 1.0) - log_phi / phi.cutting_speed
-    log_b = log_phi / phi.cutting_speed * (mu - 1.0) - log_h / h.feed * (
-        ratio * mu - ratio - nu + 1.0
-    )
+    both = depth_h * ratio  # gamma_H beta_Phi / (beta_H alpha_Phi)
+
+    log_a = log_h * (ratio - 1.0) - log_phi
+    log_b = log_phi * (mu - 1.0) - log_h * (ratio * mu - ratio - nu + 1.0)
     wear_line = Limit(process.wear, process.wear_criterion).line(1.0, 1.0, wear=1.0)
     log_c_t = wear_line.room / process.wear.time
+    c_t = float(np.exp(log_c_t))
     return Along(
         a=float(np.exp(log_a)),
         b=float(np.exp(log_b)),
-        eta=depth_phi + depth_h - 1.0 - depth_h * ratio,
-        lambda_=(depth_h * ratio - depth_phi) * (mu - 1.0) - depth_h * (nu - 1.0) + rho - 1.0,
-        price=process.edge_price / float(np.exp(log_c_t)),
+        eta=depth_phi + depth_h - 1.0 - both,
+        lambda_=(both - depth_phi) * (mu - 1.0) - depth_h * (nu - 1.0) + rho - 1.0,
+        price=process.edge_price / c_t,
     )
 
 
@@ -202,29 +208,36 @@ def optimum_checks(process: Process) -> Iterator[Check]:
     speed = 100.0
     mu, nu, rho = process.life_exponents
     gamma = process.edge_price
-    c_t = float(np.exp(process.log_life(np.log(1.0), np.log(1.0), depth_of_cut=1.0, hardness=1.0)))
+    log_c_t = process.log_life(np.log(1.0), np.log(1.0), depth_of_cut=1.0, hardness=1.0)
+    c_t = float(np.exp(log_c_t))
 
     def log_cost(cutting_speed: Any, feed: Any) -> Any:
         return process.log_cost(
-            np.log(cutting_speed), np.log(feed), depth_of_cut=depth, hardness=1.0
+            np.log(cutting_speed),
+            np.log(feed),
+            depth_of_cut=depth,
+            hardness=1.0,
         )
 
-    best_speed = (c_t / (gamma * (mu - 1.0) * feed**nu * depth**rho)) ** (1.0 / mu)
-    yield claim(
-        "V*: dq/dV = 0 where q is least", _least_in_middle(log_cost(best_speed * AROUND, feed))
-    )
+    by_feed = gamma * (mu - 1.0) * feed**nu * depth**rho
+    best_speed = (c_t / by_feed) ** (1.0 / mu)
+    around_speed = log_cost(best_speed * AROUND, feed)
+    yield claim("V*: dq/dV = 0 where q is least", _least_in_middle(around_speed))
     along_feed = Limit(PowerLaw(coefficient=1.0, feed=1.0), feed)
     feed_line = along_feed.line(depth, 1.0, wear=1.0)
     life_line = process.life_limit(along_feed).line(depth, 1.0, wear=1.0)
     log_speed, _ = feed_line.crossing(life_line)
     yield Check(
-        "V*: [m/min], that of [ST]", best_speed, ours=float(np.exp(log_speed)), tolerance=1e-6
+        "V*: [m/min], that of [ST]",
+        best_speed,
+        ours=float(np.exp(log_speed)),
+        tolerance=1e-6,
     )
 
-    best_feed = (c_t / (gamma * (nu - 1.0) * speed**mu * depth**rho)) ** (1.0 / nu)
-    yield claim(
-        "S*: dq/dS = 0 where q is least", _least_in_middle(log_cost(speed, best_feed * AROUND))
-    )
+    by_speed = gamma * (nu - 1.0) * speed**mu * depth**rho
+    best_feed = (c_t / by_speed) ** (1.0 / nu)
+    around_feed = log_cost(speed, best_feed * AROUND)
+    yield claim("S*: dq/dS = 0 where q is least", _least_in_middle(around_feed))
 
     log_speeds = np.log(np.geomspace(20.0, 2000.0, num=20001))
     costs = process.log_cost(log_speeds, np.log(feed), depth_of_cut=depth, hardness=1.0)
@@ -297,12 +310,15 @@ class Cost(NamedTuple):
 
 def charged(make_policy: PolicyFactory, scenario: Scenario) -> float:
     """Return the time and the charges for edges, overload and breakage [min] per blank."""
-    batches = NUM_BLANKS // scenario.workpiece.bars
+    bars = scenario.workpiece.bars
+    batches = NUM_BLANKS // bars
     episodes = play(make_policy, scenario, seeds=tuning_seeds(batches))
     reward = 0.0
     for term in ("time", "edge", "overload", "breakage"):
-        reward += float(episodes[f"reward_{term}"].sum())
-    return -reward / 60.0 / (batches * scenario.workpiece.bars)
+        of_episodes = episodes[f"reward_{term}"]
+        reward += float(of_episodes.sum())
+    blanks = batches * bars
+    return -reward / 60.0 / blanks
 
 
 def planned(name: str, corrected: bool) -> Cost:

@@ -157,15 +157,20 @@ def errors(kept: Record, start: float, plain_lag: int = 0, lags: Sequence[int] =
 
     def error(estimate: NDArray[np.float64], lag: int) -> float:
         force = np.roll(kept.force, lag, axis=0)
-        late_enough = np.arange(len(force)) >= start + lag
+        steps = np.arange(len(force))
+        late_enough = steps >= start + lag
         counted = kept.in_metal & late_enough[:, np.newaxis]
-        mean_square = np.mean((estimate - force)[counted] ** 2)
-        return float(np.sqrt(mean_square) / force[counted].mean())
+        deviation = (estimate - force)[counted]
+        mean_square = np.mean(deviation**2)
+        mean_force = force[counted].mean()
+        return float(np.sqrt(mean_square) / mean_force)
 
+    lags_of_settings = lags or [0] * len(SETTINGS)
     filtered = []
-    for estimate, lag in zip(kept.estimates, lags or [0] * len(SETTINGS), strict=True):
+    for estimate, lag in zip(kept.estimates, lags_of_settings, strict=True):
         filtered.append(error(estimate, lag))
-    return Errors(plain=error(kept.plain, plain_lag), filtered=filtered)
+    plain = error(kept.plain, plain_lag)
+    return Errors(plain=plain, filtered=filtered)
 
 
 @cache
@@ -223,10 +228,14 @@ def currents_of_depths() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     forces = []
     currents = []
     for depth in (0.5, 1.0, 1.5, 2.0, 3.0):
-        scenario = changed("override_current", workpiece=UNDISTURBED | {"depth_profile": [depth]})
+        workpiece = UNDISTURBED | {"depth_profile": [depth]}
+        scenario = changed("override_current", workpiece=workpiece)
         kept = play_fixed(scenario, seconds=2.4)
-        forces.append(kept.force[-50:].mean())
-        currents.append(kept.current[-50:].mean())
+        # The last 50 steps are free of the entry.
+        force = kept.force[-50:]
+        current = kept.current[-50:]
+        forces.append(force.mean())
+        currents.append(current.mean())
     return np.array(forces), np.array(currents)
 
 
@@ -249,16 +258,26 @@ def loaded_and_unloaded() -> tuple[float, CurrentReport]:
         / 60.0
     )
     duration = len(HOLD_DEPTHS) * HOLD
-    bar = {"depth_profile": HOLD_DEPTHS, "bar_length": duration * speed}
+    bar = {
+        "depth_profile": HOLD_DEPTHS,
+        "bar_length": duration * speed,
+    }
     scenario = changed("override_current", workpiece=UNDISTURBED | bar)
-    policy = FixedParameters(scenario, control.initial_cutting_speed, feed=control.initial_feed)
+    policy = FixedParameters(
+        scenario,
+        control.initial_cutting_speed,
+        feed=control.initial_feed,
+    )
     recorded = record(policy, scenario, tuning_seeds(1), seconds=duration)
     path = recorded["path"][:, 0]
     depth = recorded["depth_of_cut"][:, 0]
     force = recorded["thrust_force"][:, 0]
-    readings = [read(observations, scenario) for observations in recorded["observation"]]
-    amplitude = np.array([reading.servo_current[0] for reading in readings])
-    phase = amplitude * np.cos(2.0 * math.pi * drive.pole_pairs * path / drive.screw_lead)
+    amplitudes = []
+    for observations in recorded["observation"]:
+        reading = read(observations, scenario)
+        amplitudes.append(reading.servo_current[0])
+    angle = 2.0 * math.pi * drive.pole_pairs * path / drive.screw_lead
+    phase = np.array(amplitudes) * np.cos(angle)
 
     # Keep every hold without its start and end, at its mean force. The gaps close up, which no
     # analysis of single holds sees.
@@ -268,13 +287,15 @@ def loaded_and_unloaded() -> tuple[float, CurrentReport]:
     currents = []
     loads = []
     for change in changes[: len(HOLD_DEPTHS)]:
-        hold = slice(change + settling, change + settling + samples)
+        start = change + settling
+        hold = slice(start, start + samples)
         currents.append(phase[hold])
         loads.append(float(force[hold].mean()))
     current = np.concatenate(currents)
     load = np.repeat(loads, samples)
     time = control.interval * np.arange(len(current), dtype=np.float64)
-    return drive.pole_pairs * speed / drive.screw_lead, analyse(time, current, load=load)
+    frequency = drive.pole_pairs * speed / drive.screw_lead
+    return frequency, analyse(time, current, load=load)
 
 
 def characteristic_checks() -> Iterator[Check]:
@@ -301,25 +322,33 @@ def phase_checks() -> Iterator[Check]:
     angle = np.linspace(0.0, 2.0 * math.pi, num=13)[:, np.newaxis]
     thirds = 2.0 * math.pi / 3.0 * np.array([0.0, 1.0, -1.0])
     phases = np.cos(angle + thirds)
+    sums = phases.sum(axis=1)
     yield at_most(
         "equation (5): largest sum of the phase currents, over I",
         1e-12,
-        ours=float(np.abs(phases.sum(axis=1)).max()),
+        ours=float(np.abs(sums).max()),
     )
 
     # The rotor is a quarter turn ahead, or i_d would not be 0.
     rotor = angle + 0.5 * math.pi
-    i_d = math.sqrt(2.0 / 3.0) * (np.cos(rotor + thirds) * phases).sum(axis=1)
-    i_q = math.sqrt(2.0 / 3.0) * (np.sin(rotor + thirds) * phases).sum(axis=1)
-    yield at_most("equation (6): largest i_d, over I", 1e-12, ours=float(np.abs(i_d).max()))
+    root = math.sqrt(2.0 / 3.0)
+    i_d = root * (np.cos(rotor + thirds) * phases).sum(axis=1)
+    i_q = root * (np.sin(rotor + thirds) * phases).sum(axis=1)
     yield at_most(
-        "equation (6): i_q over I is the same at any angle: range", 1e-12, ours=float(np.ptp(i_q))
+        "equation (6): largest i_d, over I",
+        1e-12,
+        ours=float(np.abs(i_d).max()),
+    )
+    yield at_most(
+        "equation (6): i_q over I is the same at any angle: range",
+        1e-12,
+        ours=float(np.ptp(i_q)),
     )
     # (7) needs i_q = I: its factor 3/2 is that of a transform with 2/3, not with the printed root.
     yield Check(
         "equation (6) with the factor 2/3: i_q over I",
         1.0,
-        ours=math.sqrt(2.0 / 3.0) * float(i_q[0]),
+        ours=root * float(i_q[0]),
         tolerance=1e-12,
     )
 
