@@ -27,6 +27,7 @@ ELSEWHERE = (
     # This suite itself, and the installation of what is under test.
     "make test",
     "pip install",
+    "python -m pip ",
     # tests/test_tables.py prints these tables and draws this figure.
     "python -m leaderboard show --results leaderboard/results --",
     "python -m leaderboard figure --aggregate",
@@ -34,6 +35,10 @@ ELSEWHERE = (
     "python -m train.export mine-seed3.zip",
     "python -m leaderboard run --env RoughTurning-Family-v0 --agents submissions",
     "docker ",
+    # A window, and minutes of compiling: tests/baselines/test_play.py and
+    # tests/turning_env/test_main.py have both.
+    "python -m turning_env play",
+    "python -m turning_env warm-up",
 )
 SMALLER = {
     "make leaderboard": Smaller(
@@ -68,6 +73,7 @@ SMALLER = {
         "--policies fixed_tuned grid_search --scenario short.toml"
     ),
     "python -m leaderboard run": Smaller("--seeds 2"),
+    "python -m turning_env score": Smaller("--seeds 2"),
     "python -m leaderboard.watch": Smaller("--steps 6"),
 }
 """How commands are made small, by their first words."""
