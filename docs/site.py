@@ -106,18 +106,18 @@ def _shop() -> str:
 
 
 def _specification(env_id: str, level: int = 1) -> str:
-    """Return the docstring of an id's class under a heading, with the tables that it lacks."""
+    """Return the docstring of an id's class under a heading, with the table that it lacks."""
     text = inspect.getdoc(_class_of(env_id)) or ""
     scenario = turning_env.Scenario.load(turning_env.IDS[env_id])
     names = layout(scenario)
-    default_names = layout(turning_env.Scenario())
+    num_known = len(layout(turning_env.Scenario()))
     if level == 1:
         # All ids have the same info. The table says more than the docstring.
         table = "\n".join(_info_table())
         section = re.compile(r"^## Info\n.*?(?=^## )", re.MULTILINE | re.DOTALL)
         text = section.sub(table, text)
-    elif len(names) != len(default_names):
-        table = "\n".join(_observation_table(names))
+    elif len(names) > num_known:
+        table = "\n".join(_further_entries(names, num_known))
         text = f"{text}\n\n{table}"
     # The docstring's headings are one level below that of the id.
     mark = "#" * level
@@ -141,12 +141,12 @@ def _info_table() -> Iterator[str]:
     yield "\n"
 
 
-def _observation_table(names: Sequence[str]) -> Iterator[str]:
-    yield "## Table of the observation\n"
-    yield "| Index | Entry | Meaning | Range |"
+def _further_entries(names: Sequence[str], num_known: int) -> Iterator[str]:
+    """Yield the table of the entries that follow the first ones, which all ids have."""
+    yield "| Index | Further entry of the observation | Meaning | Range |"
     yield "|---|---|---|---|"
     entries = {entry.name: entry for entry in OBSERVATION}
-    for index, name in enumerate(names):
+    for index, name in enumerate(names[num_known:], start=num_known):
         entry = entries[name]
         allowed = f"{entry.low:g} to {entry.high:g}"
         yield f"| {index} | {name} | {entry.meaning} | {allowed} |"
@@ -156,7 +156,7 @@ def _scenario() -> Iterator[str]:
     yield "# Scenario files\n"
     yield "A scenario defines an episode except for its [seed](glossary.md#seed). A TOML file"
     yield 'states its differences from the defaults or, with `base = "PRESET"`, from a preset.'
-    yield "Unknown keys are refused."
+    yield "Unknown keys are refused. A star marks an assumption."
     yield "`python -m turning_env schema` prints the tables below as JSON.\n"
     schema = turning_env.Scenario.model_json_schema()
     sections = griffe.load("turning_env.scenario.sections")
@@ -193,25 +193,27 @@ def _fields_table(
         if not meaning and docstring:
             meaning = docstring.value
         # A row of a table is one line.
-        on_a_line = " ".join(meaning.split())
+        meaning = html.escape(" ".join(meaning.split()), quote=False)
         cells = (
             f"`{name}`",
             _shown(default),
             _allowed(field),
-            html.escape(on_a_line, quote=False),
+            meaning.replace(" (assumption)", " *"),
         )
         yield f"| {' | '.join(cells)} |"
 
 
 def _presets_table() -> Iterator[str]:
     yield "## Presets\n"
-    yield "The files in `turning_env/scenario/presets/` have the sources of their numbers.\n"
+    yield "The files in `turning_env/scenario/presets/` have sources and assumptions.\n"
     yield "| Name | Description |"
     yield "|---|---|"
     package = Path(turning_env.__path__[0])
     folder = package / "scenario" / "presets"
     for preset in turning_env.presets():
         description = _first_sentence(folder / f"{preset}.toml")
+        # Sources stand in brackets.
+        description = re.sub(r" \([^()]*\)", "", description)
         shown = html.escape(description, quote=False)
         yield f"| `{preset}` | {shown} |"
 

@@ -28,8 +28,7 @@ class OverrideEnv(RoughTurningEnv):
     1, 2, 3, 1 and 3 mm in sections of 20 mm, and ripples by 2 % every four turns. Depth and
     hardness also vary at random. The target load is 60 % of 9 kW, the observed power limit. At this
     one spindle speed it is also the share of torque, for every drive with a base speed of up to 710
-    rev/min. v1: the load lags behind the chip by a turn, 84 ms, and the feed servo by 0.02 s
-    instead of 0.13 s.
+    rev/min. The load lags behind the chip by a turn, 84 ms, and the feed servo by 0.02 s.
 
     **Action**, `Box(-1, 1, (1,), float32)`, every 12 ms, an interpolator's cycle: feed override,
     from 0 % (-1) to 200 % (1) of the programmed feed. Below 1 % it stays at 1 %.
@@ -57,8 +56,7 @@ class SurfaceEnv(RoughTurningEnv):
 
     **Reward and end.** `reward_roughness` is -10 times the relative deviation of Ra from its
     reference, integrated over time. In air no surface is made, and the deviation is 1. Metal is
-    worth next to nothing, and all episodes take the same time: truncated after 15 s. v1: the
-    deviation counts in air. In v0 it did not, so a policy that never reached the bar returned most.
+    worth next to nothing, and all episodes take the same time: truncated after 15 s.
     """
 
     _PRESET = "surface"
