@@ -1,8 +1,9 @@
-"""Relative links of the shop's README and documentation lead to a file, and to a heading in it."""
+"""Links of the shop's README and documentation lead to a file, and to a heading in it."""
 
+import importlib.util
 import re
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import pytest
 
@@ -46,3 +47,20 @@ def test_every_relative_link_leads_somewhere(page: Path) -> None:
         assert path.exists(), link
         if link.heading:
             assert link.heading in headings(path), link
+
+
+def test_links_of_the_package_lead_into_the_repository() -> None:
+    spec = importlib.util.spec_from_file_location("hatch_build", SHOP / "hatch_build.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    metadata: dict[str, Any] = {"version": "1.2.3"}
+    hook = module.Links(str(SHOP), {"repository": "https://example.org/lathe/"})
+    hook.update(metadata)
+
+    targets = re.findall(r"\]\(([^)#]+)[^)]*\)", metadata["readme"]["text"])
+    assert len(targets) == len(links(SHOP / "README.md"))
+    for target in targets:
+        path = target.removeprefix("https://example.org/lathe/blob/v1.2.3/")
+        assert (SHOP.parent / path).is_file(), target
