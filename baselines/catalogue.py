@@ -26,6 +26,7 @@ _FILES = (  # files that declare rules; a new one is added here
     "predictive",
     "self_tuning",
     "contextual",
+    "reactive",
     "part_planning",
 )
 RULES: dict[str, Rule] = {}  # all rules by name

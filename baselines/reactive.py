@@ -9,11 +9,14 @@ It knows no form beside the laws, but changes its limits by what the observation
 * After another edge, it raises the highest speed a little.
 * After stops for tangled chips, it moves the window of feeds (``models/chip_window.py``).
 
-Uses from the nominal model what ``self_tuning`` uses, and the chip breaker's window of feeds. It is
-the opponent of learners on the family ``unmodelled2``, and joins the catalogue when that family's
-jobs are published.
+Two rules of the catalogue play it, where stops for tangled chips are counted. Of ``chip_window``,
+only the window of feeds reacts. ``reactive`` also reacts to its edges, with the numbers that were
+best on the family ``unmodelled2``.
+
+Uses from the nominal model what ``self_tuning`` uses, and the chip breaker's window of feeds.
 """
 
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,8 +24,9 @@ import numpy as np
 from baselines.guided import MAX_BROKEN_WEAR, START_SHARE
 from baselines.models.chip_window import ChipWindow
 from baselines.rule import Array, Mask, Scenarios
+from baselines.self_tuning import RULES as SELF_TUNING_RULES
 from baselines.self_tuning import SelfTuning
-from turning_env import Reading
+from turning_env import Reading, Scenario
 from turning_env.numerics.functions import exp, log, real_power
 from turning_env.scoring.policy import Actions, Observations
 
@@ -157,3 +161,68 @@ class Reactive(SelfTuning):
 
     def _feed_range(self) -> tuple[Any, Any]:
         return self._window.feed_range()
+
+
+def chip_window(
+    scenario: Scenarios, num_envs: int, speed: float, change_at: float, **others: float
+) -> Reactive:
+    """Return ``Reactive`` of which only the window of feeds reacts; see ``Reactions``."""
+    reactions = WINDOW_ALONE._replace(speed=speed, change_at=change_at)
+    return Reactive(scenario, num_envs, reactions, **others)
+
+
+def reactive(
+    scenario: Scenarios,
+    num_envs: int,
+    speed: float,
+    change_at: float,
+    slower: float,
+    bolder: float,
+    **others: float,
+) -> Reactive:
+    """Return ``Reactive`` that also changes its highest speed after every edge.
+
+    ``Reactions`` explains the numbers.
+    """
+    limits = WINDOW_ALONE._replace(speed=speed, change_at=change_at)
+    reactions = limits._replace(slower=slower, bolder=bolder)
+    return Reactive(scenario, num_envs, reactions, **others)
+
+
+_SELF_TUNING = SELF_TUNING_RULES["self_tuning"]
+
+
+def _plays(scenario: Scenario) -> bool:
+    return _SELF_TUNING.plays(scenario) and scenario.sensors.counts_tangles
+
+
+RULES = {
+    "chip_window": replace(
+        _SELF_TUNING,
+        description="self_tuning with a constant highest speed, which moves its window of feeds by "
+        "the stops for tangled chips",
+        controller=chip_window,
+        plays=_plays,
+        parameters={
+            **_SELF_TUNING.parameters,
+            "speed": WINDOW_ALONE.speed,
+            "change_at": WINDOW_ALONE.change_at,
+        },
+        version=1,
+    ),
+    "reactive": replace(
+        _SELF_TUNING,
+        description="chip_window that also lowers its highest speed after a broken edge, and "
+        "raises it after another",
+        controller=reactive,
+        plays=_plays,
+        parameters={
+            **_SELF_TUNING.parameters,
+            "speed": TUNED.speed,
+            "change_at": TUNED.change_at,
+            "slower": TUNED.slower,
+            "bolder": TUNED.bolder,
+        },
+        version=1,
+    ),
+}

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from baselines import tuned
 from baselines.catalogue import RULES, spec
 from baselines.models.schedule import FORMS
-from baselines.oracles.perfect_state import VERSION, PerfectState
+from baselines.oracles import known_forms, perfect_state
 from baselines.rule import Parameters
 from leaderboard.result import FamilySplit, ResultError, Task
 from train.agents.agent_file import informed
@@ -44,6 +44,8 @@ VARIED = ("rescaled_grid_search", "predictive", "self_tuning")
 """The policies that play if none are named, if they know more than usual or forget."""
 POLICIES = (NOMINAL_OPTIMUM, NOMINAL_SHARE, *VARIED, CAUSAL)
 """The policies that play if none are named."""
+KNOWN_FORMS = "known_forms"
+"""The oracle of the forms, on families that hide some (``baselines/oracles/known_forms.py``)."""
 BATCH = 64  # jobs that are played together
 CHANGE_WEAR = 0.95  # nominal wear over the criterion at which FixedNominalOptimum changes the edge
 
@@ -145,6 +147,14 @@ def _part_of(task: Task) -> FamilySplit:
     return task.of_family
 
 
+def extra_names(family: Family) -> list[str]:
+    """Return the names of the policies that play a family, but are not in the catalogue."""
+    names = [NOMINAL_OPTIMUM, NOMINAL_SHARE, CAUSAL]
+    if family.hidden:
+        names.append(KNOWN_FORMS)
+    return names
+
+
 def rule(name: str, task: Task, knows: Knowledge = "nominal", forgets: bool = False) -> PolicySpec:
     """Return a controller, tuned on the family or its base, or the oracle, as it plays a family.
 
@@ -153,7 +163,7 @@ def rule(name: str, task: Task, knows: Knowledge = "nominal", forgets: bool = Fa
     family = family_of(task)
     job = family.job(0)
     parameters = tuned.on_family(family, name)
-    if (knows != "nominal" or forgets) and name in (NOMINAL_OPTIMUM, NOMINAL_SHARE, CAUSAL):
+    if (knows != "nominal" or forgets) and name in extra_names(family):
         raise ValueError(f"{name} has no variants")
     if name == NOMINAL_OPTIMUM:
         policy = PolicySpec(name=NOMINAL_OPTIMUM)
@@ -166,7 +176,15 @@ def rule(name: str, task: Task, knows: Knowledge = "nominal", forgets: bool = Fa
             parameters=shares._asdict(),
         )
     elif name == CAUSAL:
-        policy = PolicySpec(name=CAUSAL, version=VERSION, kind="oracle")
+        policy = PolicySpec(name=CAUSAL, version=perfect_state.VERSION, kind="oracle")
+    elif name == KNOWN_FORMS:
+        policy = PolicySpec(
+            name=KNOWN_FORMS,
+            version=known_forms.VERSION,
+            kind="oracle",
+            description="self_tuning that knows the forms of the lathe",
+            parameters=RULES["self_tuning"].fixed,
+        )
     else:
         policy = spec(
             name,
@@ -178,6 +196,8 @@ def rule(name: str, task: Task, knows: Knowledge = "nominal", forgets: bool = Fa
     known_family = family
     if name == CAUSAL:
         known_family = Truthful.of(family)
+    elif name == KNOWN_FORMS:
+        known_family = Truthful.of(family, FORMS)
     elif knows != "nominal":
         known_family = Truthful.of(family, _TRUE_FIELDS[knows])
     plays = FamilyPlay(
@@ -270,7 +290,11 @@ class FamilyPlay:
             shares = feasible_shares(self.family)
             return lambda num_envs: FixedNominalOptimum(jobs, shares)
         if self.policy == CAUSAL:
-            return lambda num_envs: PerfectState(scenarios, num_envs)
+            return lambda num_envs: perfect_state.PerfectState(scenarios, num_envs)
+        if self.policy == KNOWN_FORMS:
+            models = [scenario.nominal() for scenario in scenarios]
+            fixed: Any = RULES["self_tuning"].fixed
+            return lambda num_envs: known_forms.KnownForms(models, num_envs, **fixed)
         controller = spec(
             self.policy,
             scenarios if RULES[self.policy].together else scenarios[0],

@@ -197,7 +197,8 @@ def named(
 def _known_names(task: Task) -> list[str]:
     """Return the names of all controllers and oracles that can play a task."""
     if task.of_family:
-        return [*catalogue.names_on(family.family_of(task)), NOMINAL_OPTIMUM, NOMINAL_SHARE, CAUSAL]
+        jobs = family.family_of(task)
+        return [*catalogue.names_on(jobs), *family.extra_names(jobs)]
     names = catalogue.names(task.scenario)
     return names + [oracle.name for oracle in oracles(task.scenario)]
 
@@ -429,7 +430,7 @@ def _own_name(source: object, name: str, given: str | None) -> str:
     project has it.
     """
     taken = {*shipped_agents().values(), *catalogue.RULES}
-    taken |= {CLAIRVOYANT, CAUSAL, NOMINAL_OPTIMUM, NOMINAL_SHARE}
+    taken |= {CLAIRVOYANT, CAUSAL, NOMINAL_OPTIMUM, NOMINAL_SHARE, family.KNOWN_FORMS}
     own_name = given or (f"my_{name}" if name in taken else name)
     if own_name in taken:
         raise ResultError(

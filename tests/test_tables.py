@@ -98,7 +98,8 @@ def test_the_scores_of_the_readme_are_those_of_its_command(monkeypatch, capsys) 
     assert leaderboard(shlex.split(command)) == 0
     printed = {row["task"]: row for row in rows_of(capsys.readouterr().out)}
     shown = rows_of(table)
-    assert printed.keys() - {row["task"] for row in shown} == {"RoughTurning-Paper-v0"}
+    left_out = printed.keys() - {row["task"] for row in shown}
+    assert left_out <= {"RoughTurning-Paper-v0", "unmodelled2"}
     for row in shown:
         # The README says in words what a task asks for, and leaves out some kinds of policies.
         del row["it asks for"]

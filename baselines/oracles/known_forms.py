@@ -20,6 +20,7 @@ from baselines.self_tuning import SelfTuning
 from turning_env import Scenario
 from turning_env.numerics.functions import exp, log
 
+VERSION = 1  # raised when its actions change
 MIN_FORM = 1e-6  # size below which a form is none [-]
 BUILT_UP_WEAR = 0.5
 """Rate of wear by built-up edges over the usual one from which a speed is too low [-]

@@ -3,34 +3,53 @@
     python -m research.studies.unmodelled_reactions
     python -m research.studies.unmodelled_reactions --part search
 
-Jobs of `validation` for the table, training jobs for the search of the numbers of
-``baselines/reactive.py``. The search plays sets of numbers, ten by hand and others at random, on
+The table plays jobs of ``validation`` or, with ``--split train``, training jobs. Its scores are 0
+for the best fixed shares and 100 for ``causal``. The search of the numbers of
+``baselines/reactive.py`` plays training jobs: sets of numbers, ten by hand and others at random, on
 the first jobs, and the best four of them on further jobs, each with the constants beside them.
 """
 
 import argparse
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from baselines.contextual import limited
-from baselines.models.schedule import FORMS
-from baselines.oracles.known_forms import KnownForms
-from baselines.reactive import TUNED, WINDOW_ALONE, Reactions, Reactive
+from baselines.reactive import WINDOW_ALONE, Reactions, Reactive
 from baselines.self_tuning import RULES
-from leaderboard.family import Truthful
+from leaderboard.family import KNOWN_FORMS, family_task, rule
 from leaderboard.table import markdown
 from research.studies.unmodelled_draw import Row, cells, given
 from turning_env import Family, Scenario
 from turning_env.console import described, exits, positive
+from turning_env.scoring.comparators import CAUSAL, NOMINAL_SHARE
 from turning_env.scoring.play import EPISODE_FIELDS, Episodes, play_family
 from turning_env.scoring.policy import Policy
-from turning_env.scoring.statistics import severe_share
+from turning_env.scoring.statistics import (
+    Bootstrap,
+    Estimate,
+    Floats,
+    Mean,
+    score_of,
+    severe_share,
+)
 
 FAMILY = "unmodelled2"
-JOBS = 96  # validation jobs of the table
+SPLITS = ("validation", "train")
+CONSTANT = "contextual"  # a constant on this family
+REACTING = (CONSTANT, "chip_window", "reactive")
+"""The rules, of which the one with the highest mean return is the strongest."""
+TITLES = {
+    NOMINAL_SHARE: "fixed shares of speed and feed",
+    CONSTANT: "constant highest speed",
+    "chip_window": "and the window of feeds from stops",
+    "reactive": "and limits that react to edges",
+    KNOWN_FORMS: "`self_tuning` with known forms",
+    CAUSAL: "`causal`",
+}
+"""Policies of the table, and what it calls them."""
+JOBS = 256  # of the table
 SEARCH_JOBS = 32  # training jobs that all sets of numbers play
 FURTHER_JOBS = 80  # training jobs that the best ones play, too
 KEPT = 4  # sets of numbers that play the further jobs
@@ -67,20 +86,9 @@ Maker = Callable[[Sequence[Scenario]], Policy]
 """Makes a policy for some nominal models."""
 
 
-def constant(models: Sequence[Scenario]) -> Policy:
-    """Return ``self_tuning`` with the constants that ``contextual`` has on the family."""
-    log_speed = np.array([WINDOW_ALONE.speed])
-    return limited(models, len(models), log_speed, WINDOW_ALONE.change_at, **FIXED)
-
-
 def reacting(reactions: Reactions) -> Maker:
     """Return the maker of ``Reactive`` with some numbers."""
     return lambda models: Reactive(models, len(models), reactions, **FIXED)
-
-
-def known(models: Sequence[Scenario]) -> Policy:
-    """Return ``self_tuning`` with known forms, for models that have the true ones."""
-    return KnownForms(models, len(models), **FIXED)
 
 
 def played(family: Family, split: str, jobs: Sequence[int], make: Maker) -> Episodes:
@@ -99,29 +107,61 @@ def played(family: Family, split: str, jobs: Sequence[int], make: Maker) -> Epis
     return episodes
 
 
-def table(num_jobs: int) -> list[dict[str, str]]:
-    """Return the rows of the table on validation jobs."""
-    family = Family.load(FAMILY)
-    truthful = Truthful.of(family, FORMS)
-    policies: list[tuple[str, Family, Maker]] = [
-        ("constant highest speed", family, constant),
-        ("and the window of feeds from stops", family, reacting(WINDOW_ALONE)),
-        ("and limits that react to edges", family, reacting(TUNED)),
-        ("`self_tuning` with known forms", truthful, known),
-    ]
+def table(num_jobs: int, split: str) -> list[dict[str, str]]:
+    """Return the rows of the policies on the first jobs of a split."""
+    task = family_task(FAMILY, split, num_jobs)
+    bootstrap = Bootstrap(num_jobs)
+    episodes = {}
+    for name in TITLES:
+        policy = rule(name, task)
+        assert policy.compute is not None
+        episodes[name] = policy.compute(task.scenario, task.seeds, lambda ended: None)
+    means = {name: mean_of(played["return"], bootstrap) for name, played in episodes.items()}
+
+    constant = Row(TITLES[CONSTANT], episodes[CONSTANT]["return"])
     rows = []
-    first: Row | None = None
-    for title, played_family, make in policies:
-        episodes = played(played_family, "validation", range(num_jobs), make)
-        row = Row(title, episodes["return"], episodes["edges_broken"])
-        first = first or row
-        line = cells(row, first)
-        severe = severe_share(episodes["severe_overload_time"], episodes["engaged_time"])
+    for name, title in TITLES.items():
+        played = episodes[name]
+        row = Row(title, played["return"], played["edges_broken"])
+        # The constant, whichever rule is the strongest.
+        line = cells(row, constant)
+        line = {key.replace("the strongest rule", "the constant"): line[key] for key in line}
+        score = score_of(means[name], fixed=means[NOMINAL_SHARE], oracle=means[CAUSAL])
+        line["Score [-]"] = "" if score is None else shown(score.estimate, decimals=1)
+        severe = severe_share(played["severe_overload_time"], played["engaged_time"])
         line["Severe overload [%]"] = f"{100.0 * severe:.2f}"
-        # The first row is the constant, whichever is the strongest.
-        line = {name.replace("the strongest rule", "the constant"): line[name] for name in line}
         rows.append(line)
+    rows.append(worth_of_forms(means))
     return rows
+
+
+def mean_of(returns: Floats, bootstrap: Bootstrap) -> Mean:
+    """Return the mean of the returns of jobs [s], with its replicates."""
+    return Mean(float(returns.mean()), bootstrap.means(returns[np.newaxis], "rule"))
+
+
+def worth_of_forms(means: Mapping[str, Mean]) -> dict[str, str]:
+    """Return the row of what known forms gain on the strongest rule, in seconds and in points."""
+    known = means[KNOWN_FORMS]
+    strongest = max((means[name] for name in REACTING), key=lambda mean: mean.value)
+    lead = Mean(known.value - strongest.value, known.replicates - strongest.replicates)
+    fixed = means[NOMINAL_SHARE]
+    gap = Mean(
+        means[CAUSAL].value - fixed.value,
+        means[CAUSAL].replicates - fixed.replicates,
+    )
+    points = Mean(100.0 * lead.value / gap.value, 100.0 * lead.replicates / gap.replicates)
+    return {
+        "Policy": "known forms less the strongest rule",
+        "Return [s]": shown(lead.estimate),
+        "Score [-]": shown(points.estimate, decimals=1),
+    }
+
+
+def shown(estimate: Estimate, decimals: int = 0) -> str:
+    """Return an estimate with its interval as text."""
+    value = f"{estimate.value:.{decimals}f}"
+    return f"{value} ({estimate.low:.{decimals}f} to {estimate.high:.{decimals}f})"
 
 
 def random_sets() -> list[Reactions]:
@@ -170,9 +210,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     add = parser.add_argument
     add("--part", choices=("table", "search"), default="table", help="(default: %(default)s)")
-    add("--jobs", type=positive, default=JOBS, help="validation jobs (default: %(default)s)")
+    add("--split", choices=SPLITS, default="validation", help="of the table (default: %(default)s)")
+    add("--jobs", type=positive, default=JOBS, help="jobs of the table (default: %(default)s)")
     options = parser.parse_args(arguments)
-    rows = table(options.jobs) if options.part == "table" else searched()
+    rows = table(options.jobs, options.split) if options.part == "table" else searched()
     print(markdown(rows))
     return 0
 

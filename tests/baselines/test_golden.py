@@ -24,7 +24,11 @@ FILE = Path(__file__).parents[1] / "golden" / "actions.json"
 STEPS = 40
 EVERY = 8
 NUM_ENVS = 2
-FAMILIES = {"shop": ["self_tuning"], "unmodelled": ["contextual"]}
+FAMILIES = {
+    "shop": ["self_tuning"],
+    "unmodelled": ["contextual"],
+    "unmodelled2": ["chip_window", "reactive"],
+}
 """Rules whose actions are recorded on the first job of a family."""
 TOLERANCE = 2e-6
 """Largest difference of an action in -1..1, recorded with seven digits.

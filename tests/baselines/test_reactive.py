@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
 
+from baselines import reactive
+from baselines.catalogue import names
 from baselines.guided import START_SHARE
-from baselines.reactive import Reactions, Reactive
+from baselines.reactive import TUNED, WINDOW_ALONE, Reactions, Reactive
 from baselines.self_tuning import RULES
 from turning_env import Family, FamilyVectorEnv
 from turning_env.physics.quantities import OBS
@@ -89,4 +91,24 @@ def test_a_batch_acts_as_its_environments_alone() -> None:
         actions = batch.act(seen)
         for index, single in enumerate(singles):
             np.testing.assert_array_equal(single.act(seen[[index]])[0], actions[index])
+        seen, *_ = env.step(actions)
+
+
+@pytest.mark.parametrize(("name", "numbers"), [("chip_window", WINDOW_ALONE), ("reactive", TUNED)])
+def test_the_catalogue_has_the_numbers_that_were_found(name: str, numbers: Reactions) -> None:
+    scenario = FAMILY.job(5).scenario
+    assert name in names(scenario)
+    uncounted = scenario.model_copy(
+        update={"sensors": scenario.sensors.model_copy(update={"counts_tangles": False})}
+    )
+    assert name not in names(uncounted)
+
+    listed: Any = reactive.RULES[name]
+    in_catalogue = listed.controller(scenario.nominal(), 1, **listed.fixed)
+    by_numbers = Reactive(scenario.nominal(), 1, numbers, **FIXED)
+    env = FamilyVectorEnv(1, FAMILY, context="hidden", autoreset_mode=AutoresetMode.DISABLED)
+    seen, _ = env.reset(seed=[5])
+    for _ in range(40):
+        actions = in_catalogue.act(seen)
+        np.testing.assert_array_equal(actions, by_numbers.act(seen))
         seen, *_ = env.step(actions)

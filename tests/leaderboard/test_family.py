@@ -12,8 +12,8 @@ import tomli_w
 from numpy.typing import NDArray
 
 from leaderboard.__main__ import main
-from leaderboard.family import Forgetful, family_task
-from leaderboard.policies import one_named
+from leaderboard.family import KNOWN_FORMS, FamilyPlay, Forgetful, family_task
+from leaderboard.policies import named, one_named
 from leaderboard.result import (
     MANIFEST_FILE,
     PACK_FILE,
@@ -32,6 +32,7 @@ from tests.train import onnx_agents
 from tests.turning_env.test_family_env import BRIEF, BRIEF_FAMILY
 from turning_env import FAMILY_ID, Family
 from turning_env.physics.quantities import OBS
+from turning_env.scenario.sections import EdgeFailure
 from turning_env.scoring.comparators import CAUSAL, NOMINAL_OPTIMUM, NOMINAL_SHARE
 from turning_env.scoring.policy import Actions, Observations, Policy, PolicySpec
 from turning_env.scoring.statistics import Estimate, Floats
@@ -218,6 +219,18 @@ def test_a_family_with_forms_has_parameters_and_a_variant_of_its_own() -> None:
     assert of_the_family.keys() - usual.keys() == {"top_speed", "change_at"}
     with_true_forms = one_named("self_tuning", unmodelled, knows="true_forms")
     assert with_true_forms.title == "self_tuning with true forms"
+
+
+def test_known_forms_play_only_families_that_hide_some() -> None:
+    unmodelled = family_task("unmodelled2", "validation", 1)
+    known = one_named(KNOWN_FORMS, unmodelled)
+    assert known.kind == "oracle"
+    play = known.compute
+    assert isinstance(play, FamilyPlay)
+    nominal = play.family.job(0, "validation").scenario.nominal()
+    assert nominal.edge_failure != EdgeFailure()
+    with pytest.raises(ResultError, match="no policy is called known_forms"):
+        named([KNOWN_FORMS], family_task("shop", "validation", 1))
 
 
 def test_private_jobs_change_no_parameters() -> None:

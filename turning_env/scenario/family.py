@@ -66,7 +66,7 @@ MAX_LOG_SPREAD = 100.0
 """Largest standard deviation of a logarithm, so that ``exp`` is exact seven of them away."""
 CONTEXT_LIMIT = 10.0  # highest absolute value of a number of the context
 
-DRAFTS = ("shop2", "unmodelled2")
+DRAFTS = ("shop2",)
 """Families whose jobs may still change: no policy has results on them."""
 
 _FAMILIES = shipped("families")
