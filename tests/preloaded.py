@@ -1,8 +1,9 @@
-"""Run ``python -m`` in forks of a process that has imported other projects' libraries.
+"""Run ``python -m`` and ``python -W error -c`` in forks of a process that has imported libraries.
 
 A process of its own imports them for one to four seconds, which is most of what a command of a
 page costs. A fork has them from the start, and nothing of this project: it imports that from the
-folder in which it runs, as any process does.
+folder in which it runs, as any process does. Warnings while they are imported are no errors of a
+program; the suite itself imports them with warnings as errors.
 
 As a program, this module is that process. It reads a request a line, and answers with the exit
 status.
@@ -18,11 +19,14 @@ import signal
 import subprocess
 import sys
 import tempfile
+import types
+import warnings
 from importlib import import_module
 from pathlib import Path
 
 SHARED = ("gymnasium", "numba", "numpy", "pydantic")
-TRAINING = (*SHARED, "onnx", "stable_baselines3", "torch")
+# The first optimiser of a process imports torch._dynamo, for more than a second.
+TRAINING = (*SHARED, "onnx", "stable_baselines3", "torch", "torch._dynamo")
 LIBRARIES = {
     "baselines": SHARED,
     "leaderboard": SHARED,
@@ -30,29 +34,34 @@ LIBRARIES = {
     "turning_env": SHARED,
 }
 """Libraries to import before a fork, by the package of its program."""
+MODULE = [sys.executable, "-m"]
+PROGRAM = [sys.executable, "-W", "error", "-c"]
 
 
-def is_served(words: list[str]) -> bool:
-    """Return whether a command runs a module whose libraries are known."""
-    if len(words) < 3 or words[:2] != [sys.executable, "-m"]:
-        return False
-    package, _, _ = words[2].partition(".")
-    return package in LIBRARIES
+def libraries_of(words: list[str]) -> tuple[str, ...] | None:
+    """Return the libraries of a command; None if it is to run in a process of its own."""
+    if words[:2] == MODULE and len(words) > 2:
+        package, _, _ = words[2].partition(".")
+        return LIBRARIES.get(package)
+    if words[:-1] == PROGRAM:
+        return TRAINING if "import torch" in words[-1] else SHARED
+    return None
 
 
-def run(words: list[str], folder: Path, max_seconds: float) -> "subprocess.CompletedProcess[str]":
-    """Run ``python -m MODULE ...`` in a folder, in a fork; see ``is_served``.
+def run(
+    words: list[str], libraries: tuple[str, ...], folder: Path, max_seconds: float
+) -> "subprocess.CompletedProcess[str]":
+    """Run a command in a folder, in a fork that has its libraries; see ``libraries_of``.
 
     Its status is that of SIGALRM if it takes more than ``max_seconds`` [s].
     """
-    package, _, _ = words[2].partition(".")
     variables = dict(os.environ)
     # pytest sets another with every test.
     variables.pop("PYTEST_CURRENT_TEST", None)
-    server = started(LIBRARIES[package], tuple(sorted(variables.items())))
+    server = started(libraries, tuple(sorted(variables.items())))
     with tempfile.TemporaryDirectory() as outputs:
         request = {
-            "words": words[2:],
+            "words": words[1:],
             "folder": str(folder),
             "outputs": outputs,
             "max_seconds": max_seconds,
@@ -93,7 +102,7 @@ def started(
 
 
 def serve() -> list[str]:
-    """Answer requests until there are none; in each fork, return its module and arguments."""
+    """Answer requests until there are none; in each fork, return the arguments of its Python."""
     for line in sys.stdin:
         request = json.loads(line)
         child = os.fork()
@@ -123,16 +132,28 @@ def redirect(stream: int, path: Path, flags: int) -> None:
     os.close(opened)
 
 
+def act(arguments: list[str]) -> None:
+    """Do what Python does with these arguments."""
+    if arguments[0] == "-m":
+        sys.argv = arguments[1:]
+        runpy.run_module(arguments[1], run_name="__main__", alter_sys=True)
+    else:
+        warnings.simplefilter("error")
+        sys.argv = ["-c"]
+        main = types.ModuleType("__main__")
+        sys.modules["__main__"] = main
+        exec(compile(arguments[-1], "<string>", "exec"), vars(main))
+
+
 if __name__ == "__main__":
-    _, *libraries = sys.argv
+    _, *names = sys.argv
     # The folder of this file.
     del sys.path[0]
-    for name in libraries:
+    for name in names:
         import_module(name)
     # What was imported stays shared between the forks.
     gc.collect()
     gc.freeze()
     requested = serve()
     if requested:
-        sys.argv = requested
-        runpy.run_module(requested[0], run_name="__main__", alter_sys=True)
+        act(requested)

@@ -3,6 +3,7 @@
 import gc
 import os
 import shutil
+import sys
 from collections import Counter
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -29,6 +30,10 @@ settings.register_profile(
 # Workers share the cores: with more threads they wait for one another. NumPy and torch read this
 # when they are imported.
 os.environ |= {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+# Else each process compiles the sources again: a tenth of a second for a command, and half of the
+# time in which tests are collected.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 # No window is shown.
 os.environ["SDL_VIDEODRIVER"] = "dummy"
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "suite"))

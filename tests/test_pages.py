@@ -74,6 +74,10 @@ SMALLER = {
     ),
     "python -m leaderboard run": Smaller("--seeds 2"),
     "python -m turning_env score": Smaller("--seeds 2"),
+    # The page is of the agent: a rule that acts at once can play beside it.
+    "python -m leaderboard run --env RoughTurning-Family-v0 --split": Smaller(
+        "--seeds 1", {"self_tuning": "fixed_nominal_optimum"}
+    ),
     "python -m leaderboard.watch": Smaller("--steps 6"),
 }
 """How commands are made small, by their first words."""

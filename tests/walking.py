@@ -12,6 +12,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from importlib.util import cache_from_source
 from pathlib import Path
 from typing import NamedTuple
 
@@ -70,17 +71,28 @@ def commands(block: Block) -> list[str]:
 
 
 def copy_to(folder: Path) -> None:
-    """Copy the tracked files with their times, their machine code, and the environment."""
+    """Copy the tracked files with their times, their compiled code, and the environment."""
     command = ["git", "ls-files"]
     tracked = subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True)
     for name in tracked.stdout.splitlines():
         if (ROOT / name).exists():
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(ROOT / name, folder / name)
+        if name.endswith(".py"):
+            copy_bytecode(ROOT / name, folder / name)
     for code in ROOT.glob("*/**/__pycache__/machine_code-*/*"):
         if code.is_dir():
             copy_machine_code(code, folder / code.relative_to(ROOT).parent)
     (folder / ".venv").symlink_to(ROOT / ".venv")
+
+
+def copy_bytecode(source: Path, copy: Path) -> None:
+    """Copy the bytecode of a module, if there is any, which holds the time of its source."""
+    bytecode = Path(cache_from_source(str(source)))
+    if bytecode.exists():
+        copied_bytecode = Path(cache_from_source(str(copy)))
+        copied_bytecode.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy2(bytecode, copied_bytecode)
 
 
 def copy_machine_code(code: Path, cache: Path) -> None:
@@ -112,8 +124,9 @@ def small(command: str, smaller: Mapping[str, Smaller]) -> list[str]:
 
 def run(words: list[str], folder: Path) -> "subprocess.CompletedProcess[str]":
     """Run a command in a folder; ``check`` looks at how it ended."""
-    if preloaded.is_served(words):
-        return preloaded.run(words, folder, MAX_SECONDS)
+    libraries = preloaded.libraries_of(words)
+    if libraries is not None:
+        return preloaded.run(words, libraries, folder, MAX_SECONDS)
     return subprocess.run(
         words, cwd=folder, capture_output=True, text=True, timeout=MAX_SECONDS, check=False
     )
@@ -139,7 +152,7 @@ def walk(
                 if not command.startswith(elsewhere):
                     check(run(small(command, smaller), folder), command)
         elif block.language == "python":
-            program = [sys.executable, "-W", "error", "-c", block.text]
+            program = [*preloaded.PROGRAM, block.text]
             finished = run(program, folder)
             check(finished, block.text)
             printed = finished.stdout
