@@ -18,6 +18,7 @@ from turning_env.physics.spindle import idle_power_at
 from turning_env.physics.wear import WEAR_RULES
 from turning_env.scenario import Scenario, ScenarioBatch
 from turning_env.scenario.power_law import POWER_LAW_RECORD
+from turning_env.scenario.section import declared_ranges
 from turning_env.scenario.sections import MAX_DEPTHS, NO_LIMIT
 
 Source = Scenario | ScenarioBatch
@@ -67,11 +68,19 @@ def by_name(parameters: Iterable[Parameter]) -> dict[str, Parameter]:
     return named
 
 
+_DECLARED = declared_ranges(Scenario)
+
+
 def _field(
-    field: str, unit: str, dtype: Any = np.float64, shape: tuple[int, ...] = ()
+    field: str, unit: str = "-", dtype: Any = np.float64, shape: tuple[int, ...] = ()
 ) -> Parameter:
-    """Return the parameter that is a field of the scenario, by its dotted name."""
+    """Return the parameter that is a field of the scenario, by its dotted name.
+
+    ``unit``: unit of a field that is no ``quantity``; the others declare theirs.
+    """
     name = field.rpartition(".")[2]
+    if field in _DECLARED:
+        unit = _DECLARED[field].unit
     return P(name, unit, field, value=attrgetter(field), dtype=dtype, shape=shape, field=field)
 
 
@@ -212,11 +221,11 @@ PARAMETERS = (
         value=lambda s: WEAR_RULES[s.tool.wear_rule],
         dtype=np.int64,
     ),
-    _field("tool.wear_criterion", "mm"),
+    _field("tool.wear_criterion"),
     _log("tool.wear_criterion"),
-    _field("tool.wear_factor_spread", "-"),
-    _field("tool.edge_strength", "N"),
-    _field("tool.edge_strength_spread", "-"),
+    _field("tool.wear_factor_spread"),
+    _field("tool.edge_strength"),
+    _field("tool.edge_strength_spread"),
     P("initial_used_life", "-", "used life of a new edge", value=_initial_used_life),
     P(
         "log_wear_mismatch",
@@ -231,13 +240,13 @@ PARAMETERS = (
         "edge_failure.running_in",
         "edge_failure.built_up_edge",
     ),
-    _field("edge_failure.tertiary_wear", "mm"),
-    _field("edge_failure.tertiary_rate", "1/mm"),
-    _field("edge_failure.running_in", "-"),
-    _field("edge_failure.running_in_wear", "mm"),
-    _field("edge_failure.built_up_edge", "-"),
+    _field("edge_failure.tertiary_wear"),
+    _field("edge_failure.tertiary_rate"),
+    _field("edge_failure.running_in"),
+    _field("edge_failure.running_in_wear"),
+    _field("edge_failure.built_up_edge"),
     _log("edge_failure.built_up_speed"),
-    _field("edge_failure.built_up_width", "-"),
+    _field("edge_failure.built_up_width"),
     # Failures of edges.
     _any("collapses", "edges collapse", "edge_failure.collapse_temperature"),
     P(
@@ -254,24 +263,24 @@ PARAMETERS = (
         value=_log_collapse_temperature,
     ),
     _any("edges_chip", "edges chip", "edge_failure.chipping_rate"),
-    _field("edge_failure.chipping_rate", "1/min"),
-    _field("edge_failure.chipping_load_exponent", "-"),
-    _field("edge_failure.chipping_wear_exponent", "-"),
+    _field("edge_failure.chipping_rate"),
+    _field("edge_failure.chipping_load_exponent"),
+    _field("edge_failure.chipping_wear_exponent"),
     _any("notches", "edges notch", "edge_failure.notch_growth"),
-    _field("edge_failure.notch_growth", "-"),
+    _field("edge_failure.notch_growth"),
     # Chips.
     _any("chips_tangle", "chips tangle", "swarf.tangle_rate"),
-    _field("swarf.tangle_rate", "1/min"),
-    _field("swarf.tangle_time", "min"),
-    _field("swarf.chip_feed_min", "mm/rev"),
-    _field("swarf.chip_feed_max", "mm/rev"),
-    _field("swarf.chip_depth_min", "mm"),
-    _field("swarf.chip_depth_max", "mm"),
+    _field("swarf.tangle_rate"),
+    _field("swarf.tangle_time"),
+    _field("swarf.chip_feed_min"),
+    _field("swarf.chip_feed_max"),
+    _field("swarf.chip_depth_min"),
+    _field("swarf.chip_depth_max"),
     # The machine's ranges and drives.
-    _field("machine.cutting_speed_min", "m/min"),
-    _field("machine.cutting_speed_max", "m/min"),
-    _field("machine.feed_min", "mm/rev"),
-    _field("machine.feed_max", "mm/rev"),
+    _field("machine.cutting_speed_min"),
+    _field("machine.cutting_speed_max"),
+    _field("machine.feed_min"),
+    _field("machine.feed_max"),
     _log("machine.cutting_speed_min"),
     _log("machine.feed_min"),
     P(
@@ -302,19 +311,19 @@ PARAMETERS = (
         value=lambda s: s.machine.command_delay / s.control.interval,
     ),
     _any("chips_lag", "force and power lag behind the chip", "machine.chip_lag"),
-    _field("machine.chip_lag", "rev"),
+    _field("machine.chip_lag"),
     _any("chatters", "bars chatter", "machine.chatter"),
-    _field("machine.chatter", "-"),
-    _field("machine.chatter_width", "-"),
+    _field("machine.chatter"),
+    _field("machine.chatter_width"),
     P(
         "log_chatter_cutting_speed",
         "-",
         "log of the cutting speed [m/min] at the worst spindle speed",
         value=_log_chatter_cutting_speed,
     ),
-    _field("machine.return_time", "min"),
+    _field("machine.return_time"),
     # The spindle's motor.
-    _field("machine.rated_power", "kW"),
+    _field("machine.rated_power"),
     P(
         "idle_power_per_speed",
         "kW min/m",
@@ -335,8 +344,8 @@ PARAMETERS = (
         value=lambda s: s.spindle.short_time_load > 1,
         dtype=np.bool_,
     ),
-    _field("spindle.short_time_load", "-"),
-    _field("spindle.thermal_time_constant", "min"),
+    _field("spindle.short_time_load"),
+    _field("spindle.thermal_time_constant"),
     P(
         "reads_torque",
         "-",
@@ -347,7 +356,7 @@ PARAMETERS = (
     # The feed drive's motor.
     P("current_per_newton", "A/N", "servo current over force", value=_current_per_newton),
     P("no_load_current", "A", "servo current without force, at rest", value=_no_load_current),
-    _field("feed_drive.no_load_current_rate", "A min/mm"),
+    _field("feed_drive.no_load_current_rate"),
     P(
         "current_ripple",
         "-",
@@ -361,8 +370,8 @@ PARAMETERS = (
         value=lambda s: s.feed_drive.ripples_per_turn / s.feed_drive.screw_lead,
     ),
     # Bars: their row.
-    _field("workpiece.bar_length", "mm"),
-    _field("workpiece.approach", "mm"),
+    _field("workpiece.bar_length"),
+    _field("workpiece.approach"),
     P("path_end", "mm", "end of the job", value=_path_end),
     P("bar_pitch", "mm", "bar and approach", value=_bar_pitch),
     P("bars_per_path", "1/mm", "bars per path, air and metal", value=lambda s: 1.0 / _bar_pitch(s)),
@@ -374,10 +383,10 @@ PARAMETERS = (
         value=lambda s: 1000.0 / (np.pi * s.workpiece.diameter),
     ),
     # Bars: depth of cut.
-    _field("workpiece.depth_of_cut", "mm"),
+    _field("workpiece.depth_of_cut"),
     _log("workpiece.depth_of_cut"),
-    _field("workpiece.depth_bar_spread", "mm"),
-    _field("workpiece.depth_along_spread", "mm"),
+    _field("workpiece.depth_bar_spread"),
+    _field("workpiece.depth_along_spread"),
     P(
         "depth_nodes_per_length",
         "1/mm",
@@ -403,7 +412,7 @@ PARAMETERS = (
     _any("has_section_speeds", "the sections limit the cutting speed", "workpiece.section_speeds"),
     _field("workpiece.section_speeds", "m/min", shape=(MAX_DEPTHS,)),
     _any("ripples", "the depth ripples", "workpiece.depth_ripple"),
-    _field("workpiece.depth_ripple", "-"),
+    _field("workpiece.depth_ripple"),
     P(
         "depth_ripples_per_turn",
         "1/rev",
@@ -411,8 +420,8 @@ PARAMETERS = (
         value=lambda s: 1.0 / s.workpiece.depth_ripple_period,
     ),
     # Bars: hardness and bending.
-    _field("workpiece.hardness_bar_spread", "-"),
-    _field("workpiece.hardness_along_spread", "-"),
+    _field("workpiece.hardness_bar_spread"),
+    _field("workpiece.hardness_along_spread"),
     P(
         "hardness_nodes_per_length",
         "1/mm",
@@ -434,7 +443,7 @@ PARAMETERS = (
         dtype=np.bool_,
     ),
     P("bar_flexibility", "1/(N mm2)", "1 / (3 E I)", value=_bar_flexibility),
-    _field("workpiece.radial_share", "-"),
+    _field("workpiece.radial_share"),
     # Model mismatch of bars and sensors.
     P(
         "log_hardness_mismatch",
@@ -443,13 +452,13 @@ PARAMETERS = (
         value=lambda s: log(s.mismatch.hardness_factor),
     ),
     _any("has_gradient", "bars are harder at the skin or within", "mismatch.hardness_gradient"),
-    _field("mismatch.hardness_gradient", "-"),
+    _field("mismatch.hardness_gradient"),
     _any("has_skin", "blanks have a skin", "mismatch.skin_thickness"),
-    _field("mismatch.skin_thickness", "mm"),
-    _field("mismatch.skin_hardness", "-"),
-    _field("mismatch.skin_wear", "-"),
-    _field("mismatch.power_bias", "-"),
-    _field("mismatch.force_bias", "-"),
+    _field("mismatch.skin_thickness"),
+    _field("mismatch.skin_hardness"),
+    _field("mismatch.skin_wear"),
+    _field("mismatch.power_bias"),
+    _field("mismatch.force_bias"),
     _any(
         "warms_up",
         "readings or depth drift",
@@ -457,10 +466,10 @@ PARAMETERS = (
         "mismatch.force_drift",
         "mismatch.thermal_growth",
     ),
-    _field("mismatch.power_drift", "-"),
-    _field("mismatch.force_drift", "-"),
-    _field("mismatch.thermal_growth", "mm"),
-    _field("mismatch.warm_up_time", "min"),
+    _field("mismatch.power_drift"),
+    _field("mismatch.force_drift"),
+    _field("mismatch.thermal_growth"),
+    _field("mismatch.warm_up_time"),
     # Sensors and observations.
     P(
         "senses_current",
@@ -471,12 +480,12 @@ PARAMETERS = (
     ),
     _lag("power_sensor_share", "sensors.power_time_constant"),
     _lag("force_sensor_share", "sensors.force_time_constant"),
-    _field("sensors.power_noise", "-"),
-    _field("sensors.force_noise", "-"),
-    _field("sensors.probe", "-", dtype=np.bool_),
-    _field("sensors.inspects_edges", "-", dtype=np.bool_),
-    _field("sensors.counts_tangles", "-", dtype=np.bool_),
-    _field("sensors.observes_all", "-", dtype=np.bool_),
+    _field("sensors.power_noise"),
+    _field("sensors.force_noise"),
+    _field("sensors.probe", dtype=np.bool_),
+    _field("sensors.inspects_edges", dtype=np.bool_),
+    _field("sensors.counts_tangles", dtype=np.bool_),
+    _field("sensors.observes_all", dtype=np.bool_),
     P("entries", "-", "entries of the observation", value=lambda s: len(layout(s)), dtype=np.int64),
     P(
         "observation_layout",
@@ -494,8 +503,8 @@ PARAMETERS = (
         value=lambda s: s.control.aim == "roughness",
         dtype=np.bool_,
     ),
-    _field("surface.roughness_at_no_force", "um"),
-    _field("surface.roughness_rate", "1/N"),
+    _field("surface.roughness_at_no_force"),
+    _field("surface.roughness_rate"),
     _log("surface.reference_min"),
     P(
         "log_reference_span",
@@ -524,15 +533,15 @@ PARAMETERS = (
         value=lambda s: EDGE_CHANGES[s.control.edge_changes],
         dtype=np.int64,
     ),
-    _field("control.sub_steps", "sub-steps", dtype=np.int64),
+    _field("control.sub_steps", dtype=np.int64),
     P("sub_step", "min", "length of a sub-step", value=lambda s: _sub_step(s) / 60.0),
-    _field("control.passes_max", "passes", dtype=np.int64),
-    _field("control.override_max", "-"),
-    _field("control.cutting_speed_step", "-"),
-    _field("control.feed_step", "-"),
-    _field("control.initial_cutting_speed", "m/min"),
-    _field("control.initial_feed", "mm/rev"),
-    _field("control.time_limit", "min"),
+    _field("control.passes_max", dtype=np.int64),
+    _field("control.override_max"),
+    _field("control.cutting_speed_step"),
+    _field("control.feed_step"),
+    _field("control.initial_cutting_speed"),
+    _field("control.initial_feed"),
+    _field("control.time_limit"),
     P(
         "step_limit",
         "-",
@@ -547,16 +556,16 @@ PARAMETERS = (
         value=lambda s: np.inf if _timeless(s) else s.control.time_limit,
     ),
     # Prices.
-    _field("economics.reference_removal_rate", "cm3/min"),
+    _field("economics.reference_removal_rate"),
     P("edge_price", "s", "price of a whole edge", value=_edge_price),
     P("breakage_price", "s", "price of breakage beside the edge", value=_breakage_price),
-    _field("economics.edge_change_time", "min"),
-    _field("economics.unplanned_stop", "min"),
-    _field("economics.breakage_downtime", "min"),
-    _field("economics.overload_price", "-"),
-    _field("economics.roughness_price", "-"),
+    _field("economics.edge_change_time"),
+    _field("economics.unplanned_stop"),
+    _field("economics.breakage_downtime"),
+    _field("economics.overload_price"),
+    _field("economics.roughness_price"),
     # Limits.
-    _field("limits.overload_tolerance", "-"),
+    _field("limits.overload_tolerance"),
     P(
         "thrust_force_limit",
         "N",

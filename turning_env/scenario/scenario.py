@@ -163,26 +163,9 @@ class _Origin(NamedTuple):
     stated_start: frozenset[str] = frozenset()  # fields of ``START`` that the file or dict states
 
 
-class Scenario(Section, DerivedQuantities):
+class Scenario(sections.Sections, DerivedQuantities):
     """Everything that defines an episode, except its seed and the actions."""
 
-    name: str = "rough_turning"
-    """Also the name of folders of trainings and results, so only characters that are safe in paths
-    are allowed."""
-    material: sections.Material = sections.Material()
-    tool: sections.Tool = sections.Tool()
-    edge_failure: sections.EdgeFailure = sections.EdgeFailure()
-    swarf: sections.Swarf = sections.Swarf()
-    machine: sections.Machine = sections.Machine()
-    spindle: sections.Spindle = sections.Spindle()
-    feed_drive: sections.FeedDrive = sections.FeedDrive()
-    workpiece: sections.Workpiece = sections.Workpiece()
-    control: sections.Control = sections.Control()
-    surface: sections.Surface = sections.Surface()
-    sensors: sections.Sensors = sections.Sensors()
-    mismatch: sections.Mismatch = sections.Mismatch()
-    economics: sections.Economics = sections.Economics()
-    limits: sections.Limits = sections.Limits()
     nominal_model: NominalModel = Field(
         (), description="values of the nominal model that differ from the true ones, by section"
     )

