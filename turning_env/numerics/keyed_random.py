@@ -6,6 +6,7 @@ Moraes, Dror and Shaw, "Parallel random numbers: as easy as 1, 2, 3", 2011).
 """
 
 import math
+import zlib
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from turning_env.numerics.compilation import compiled
 from turning_env.numerics.functions import log, sine_and_cosine
 
 # Uses of random numbers. Two uses of one channel would be correlated, so every use has its own.
+# Trajectories depend on these numbers. A later use has a ``named_channel``, in its own file.
 EDGE_CHANNEL = np.uint64(1)
 BAR_CHANNEL = np.uint64(2)
 HARDNESS_CHANNEL = np.uint64(3)
@@ -22,6 +24,15 @@ REFERENCE_CHANNEL = np.uint64(6)
 CHIPPING_CHANNEL = np.uint64(7)
 TANGLE_CHANNEL = np.uint64(8)
 JOB_CHANNEL = np.uint64(9)
+
+
+def named_channel(name: str) -> np.uint64:
+    """Return the channel of a use, by a name that no other use has: the CRC-32 of the name.
+
+    COOLANT_CHANNEL = named_channel("coolant")
+    """
+    return np.uint64(zlib.crc32(name.encode()))
+
 
 _WORD = np.uint64(0xFFFFFFFF)
 _WORD_BITS = np.uint64(32)

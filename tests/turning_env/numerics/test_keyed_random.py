@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from turning_env.numerics.keyed_random import philox_4x32
+from turning_env.numerics.keyed_random import JOB_CHANNEL, named_channel, philox_4x32
 
 MAX_WORD = 0xFFFFFFFF
 
@@ -37,3 +37,9 @@ def test_published_vectors(counter, key, expected):
     low, high = key
     words = philox_4x32(*counter_words, np.uint64(low | high << 32))
     assert tuple(int(word) for word in words) == expected
+
+
+def test_a_named_channel_is_a_word_that_its_name_alone_decides():
+    # CRC-32 of "123456789", the check value of its catalogue entries.
+    assert named_channel("123456789") == np.uint64(0xCBF43926)
+    assert JOB_CHANNEL < named_channel("coolant") <= MAX_WORD
