@@ -80,11 +80,23 @@ _OFF = {
     **dict.fromkeys(BARS_VARY, 0.0),
 }
 """Neutral values of fields whose defaults are not neutral."""
+KNOWN_TO_ADVICE = (
+    "name",
+    "material",
+    "tool",
+    "machine",
+    "spindle",
+    "feed_drive",
+    "workpiece",
+    "control",
+    "surface",
+    "sensors",
+    "economics",
+    "limits",
+)
+"""Sections that advice knows. It knows no others, such as that of a new disturbance."""
 BEYOND_ADVICE = (
-    "edge_failure.",
-    "swarf.",
-    "mismatch.",
-    "nominal_model.",
+    *(f"{name}." for name in Scenario.model_fields if name not in KNOWN_TO_ADVICE),
     "machine.chatter",
     "machine.chip_lag",
     "machine.command_delay",
