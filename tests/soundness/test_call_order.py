@@ -13,8 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.soundness.acting import SEEDS, tried
-from tests.turning_env.playing import SHORT_LIVED, changed
-from tests.turning_env.test_vector_env import assert_same_answers
+from tests.turning_env.playing import SHORT_LIVED, assert_same_answers, changed
 from turning_env import RoughTurningEnv, RoughTurningVectorEnv
 
 MORTAL = changed(SHORT_LIVED, control={"time_limit": 0.1}, workpiece={"approach": 0.0})

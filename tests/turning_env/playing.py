@@ -8,14 +8,17 @@ from typing import Any, get_args
 
 import gymnasium
 import numpy as np
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from numpy.typing import NDArray
 from pydantic.fields import FieldInfo
 
-from turning_env import RoughTurningEnv, Scenario
+from turning_env import RoughTurningEnv, RoughTurningVectorEnv, Scenario
 from turning_env.physics.quantities import action_size
 from turning_env.scenario.section import Section
 
 Record = dict[str, NDArray[Any]]
+STEPS = 80
+"""Steps in which many environments are compared with single ones."""
 
 
 def changed(scenario: Any, **sections: dict[str, Any]) -> Scenario:
@@ -118,6 +121,55 @@ def fixed_actions(
     if scenario.control.edge_changes == "commanded":
         waves[-1] -= 1.1  # an edge is changed now and then
     return np.stack(waves, axis=2).astype(np.float32)
+
+
+def assert_plays_as_single_environments(
+    scenario: Any,
+    mode: AutoresetMode = AutoresetMode.NEXT_STEP,
+    num_envs: int = 3,
+    steps: int = STEPS,
+) -> None:
+    """Fail unless many environments give the bits of single ones, through several episodes."""
+    envs = RoughTurningVectorEnv(num_envs, scenario, mode)
+    singles = SyncVectorEnv([lambda: RoughTurningEnv(scenario)] * num_envs, autoreset_mode=mode)
+    assert_same_answers(envs.reset(seed=2**63), singles.reset(seed=2**63))
+    for actions in fixed_actions(steps, num_envs, scenario):
+        answers = envs.step(actions)
+        assert_same_answers(answers, singles.step(actions))
+        ended = answers[2] | answers[3]
+        if mode is AutoresetMode.DISABLED and ended.any():
+            started = envs.reset(options={"reset_mask": ended.copy()})
+            expected = singles.reset(options={"reset_mask": ended.copy()})
+            assert_same_answers(started, expected)
+    assert_same_answers(envs.reset(), singles.reset())
+
+
+def assert_same_answers(answers: Any, expected_answers: Any) -> None:
+    """Fail unless two resets or steps give the same bits."""
+    *arrays, infos = answers
+    *expected_arrays, expected_infos = expected_answers
+    for array, expected in zip(arrays, expected_arrays, strict=True):
+        assert array.dtype == expected.dtype
+        assert array.shape == expected.shape
+        assert array.tobytes() == expected.tobytes()
+    _assert_same_infos(infos, expected_infos)
+
+
+def _assert_same_infos(infos: dict[str, Any], expected_infos: dict[str, Any]) -> None:
+    """Fail unless keys, masks and types are the same, and the bits that the masks choose."""
+    assert infos.keys() == expected_infos.keys()
+    for key, expected in expected_infos.items():
+        if isinstance(expected, dict):
+            _assert_same_infos(infos[key], expected)
+            continue
+        assert infos[key].dtype == expected.dtype, key
+        mask = slice(None) if key.startswith("_") else expected_infos["_" + key]
+        chosen = infos[key][mask]
+        expected_chosen = expected[mask]
+        if expected.dtype == object:
+            chosen = np.stack(list(chosen))
+            expected_chosen = np.stack(list(expected_chosen))
+        assert chosen.tobytes() == expected_chosen.tobytes(), key
 
 
 def play(env: RoughTurningEnv, seed: int | None, actions: NDArray[np.float32]) -> Record:
