@@ -180,6 +180,10 @@ class Jobs:
         self.scenario: Scenario = family.job(0, split).scenario
         self.context_names = family.context_names if shows_context else ()
         self.parameters = parameter_records(self.scenario)
+        # Of the forms of a law, the first job may have another than those that follow.
+        first = family.draw(split, 0)
+        drawn = parameter_records(first.true, CHUNK, nominal=first.nominal)
+        self.parameters["fresh_edges_load"] = drawn["fresh_edges_load"][0]
         self._shows_context = shows_context
         # Jobs are drawn in chunks, which takes much less time than one by one.
         self._chunks: dict[int, JobValues] = {}

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from turning_env import Family, Scenario, ScenarioError
+from turning_env import Family, FamilyVectorEnv, Scenario, ScenarioError
 from turning_env.scenario.family import CHUNK, families, makes_sense
 from turning_env.scenario.formula import FormulaError, evaluate
 from turning_env.scenario.scenario import flat
@@ -375,3 +375,14 @@ def variables(**kinds):
 def test_errors_name_the_field_and_what_is_allowed(changes, message):
     with pytest.raises(ScenarioError, match=message):
         Family.load(SMALL | changes)
+
+
+@pytest.mark.parametrize("split", ["unseen_materials", "unseen_machines"])
+def test_jobs_are_played_though_the_first_one_has_another_form_of_a_law(split):
+    first = UNMODELLED2.job(0, split).scenario
+    others = UNMODELLED2.draw(split, 0).true.material.power
+    assert first.material.power.wear_growth == 0.0
+    assert (others.wear_growth > 0.0).any()
+    env = FamilyVectorEnv(2, UNMODELLED2, split=split)
+    observations, _ = env.reset(seed=[0, 1])
+    assert np.isfinite(observations).all()
