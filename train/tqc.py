@@ -14,44 +14,26 @@ from optuna.distributions import FloatDistribution, IntDistribution
 from sb3_contrib import TQC
 from stable_baselines3.common.vec_env import VecEnv
 
+from train import sac
 from train.run import Run
-from train.sac import network, settings
 from train.training import Algorithm, command_line
 
 
 def new_model(run: Run, vec_env: VecEnv) -> TQC:
     """Return an untrained model."""
     p = run.parameters
-    arguments = settings(run, vec_env)
+    arguments = sac.settings(run, vec_env)
     arguments["top_quantiles_to_drop_per_net"] = p["top_quantiles_to_drop_per_net"]
     arguments["policy_kwargs"]["n_critics"] = p["n_critics"]
     arguments["policy_kwargs"]["n_quantiles"] = p["n_quantiles"]
     return TQC("MlpPolicy", vec_env, **arguments)
 
 
-DEFAULTS: dict[str, Any] = {
-    "total_timesteps": 1_500_000,  # environment steps of the whole training
-    "num_envs": 128,  # environments side by side
-    "learning_starts": 20_000,  # with random actions, before learning starts
-    "buffer_size": 1_500_000,  # size of the replay buffer: all steps
+DEFAULTS: dict[str, Any] = sac.DEFAULTS | {
     "batch_size": 256,
-    "gradient_steps": 1,  # after each step of all environments
-    "gamma": 0.8,  # as for PPO
-    "tau": 0.02,  # update rate of the target networks
-    "learning_rate": 1e-3,  # falls linearly ...
-    "final_learning_rate": 1e-5,  # ... to this
-    "initial_ent_coef": 0.1,
-    "target_entropy_per_action": -1.0,
-    "net_arch": [64, 64],  # for policy and value functions each
     "n_critics": 2,
     "n_quantiles": 10,  # of the return, of each critic
     "top_quantiles_to_drop_per_net": 1,  # highest quantiles, of each critic
-    "activation_fn": "relu",  # or "tanh"
-    "reward_scale": 0.3333333333,  # factor on rewards [s]
-    "belief": False,  # shows the estimates of the optimisers' filter: baselines/belief.py
-    "position": False,  # tells the position along the bar: train/terms.py
-    "frames": 1,  # successive observations that the agent sees
-    "life_price": "flat",  # charge for the edge's life: "flat", "marginal" (p(D)) or "end"
 }
 
 SEARCH = {
@@ -65,7 +47,7 @@ ALGORITHM = Algorithm(
     name="tqc",
     model=TQC,
     new_model=new_model,
-    network=network,
+    network=sac.network,
     defaults=DEFAULTS,
     search=SEARCH,
     training_information=("rewards",),

@@ -22,11 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turning_env.numerics.functions import log
-from turning_env.numerics.wear_term import wear_term_slope
 from turning_env.observation import Reading
 from turning_env.physics.spindle import capacity_at, idle_power_at
 from turning_env.scenario import Scenario
-from turning_env.scenario.power_law import PowerLaw
+from turning_env.scenario.power_law import PowerLaw, wear_exponent
 
 # Margins of expected loads to the tolerance above their limits [standard deviations].
 MARGIN = 2.6
@@ -238,7 +237,7 @@ class Observer:
     def _wear_exponent(self, law: PowerLaw) -> float:
         """Return the slope of a log load over the log wear of a worn-out edge [-]."""
         log_criterion = log(self._scenario.tool.wear_criterion)
-        return float(law.wear * wear_term_slope(law.wear_growth, log_criterion))
+        return float(wear_exponent(law, log_criterion))
 
     def _set_prior(self) -> None:
         work = self._scenario.workpiece

@@ -19,9 +19,10 @@ from scipy import optimize, special
 from turning_shop import WorkshopError
 from turning_shop.whatif import NO_LIMIT, Cuts
 
-from turning_env.numerics.wear_term import term_of_factor, wear_term_slope
+from turning_env.numerics.wear_term import term_of_factor
 from turning_env.physics.spindle import capacity_at
 from turning_env.scenario import Scenario
+from turning_env.scenario.power_law import wear_exponent
 from turning_env.scenario.sections import FeedLimit
 
 FEED_PER_NOSE = 0.5
@@ -346,8 +347,7 @@ def _overload_factor(scenario: Scenario, name: str, num_limits: int) -> float:
         return 1.0
     # U is the wear or 1 + b wear: turning_env/numerics/wear_term.py.
     log_wear = math.log(scenario.tool.wear_criterion)
-    slope = float(wear_term_slope(law.wear_growth, log_wear))
-    edge_spread = law.wear * slope * scenario.tool.wear_factor_spread
+    edge_spread = float(wear_exponent(law, log_wear)) * scenario.tool.wear_factor_spread
     spread = math.hypot(bar_spread, edge_spread)
     used_life = (np.arange(MOMENTS) + 0.5) / MOMENTS
     # The usual edge is changed before it reaches the wear at the change.

@@ -17,9 +17,8 @@ from turning_shop.fit import FACTORS, LEVEL, SETTINGS, Fit, curve_slope, regress
 from turning_shop.headers import COLUMNS
 from turning_shop.whatif import Cuts
 
-from turning_env.numerics.wear_term import wear_term_slope
 from turning_env.scenario import Scenario
-from turning_env.scenario.power_law import PowerLaw
+from turning_env.scenario.power_law import PowerLaw, wear_exponent
 
 BEYOND = 0.01
 """Relative distance beyond the measured range above which a law counts as extrapolated [-]."""
@@ -220,8 +219,8 @@ def predict(scenario: Scenario, evidence: Evidence, cuts: Cuts, of_wear: bool) -
             law = getattr(material, name)
             factors = settings | {"wear": cuts.wear}
             # The deviation of the wear reaches the load through the slope of their logarithms.
-            slope = wear_term_slope(law.wear_growth, np.log(np.maximum(cuts.wear, 1e-300)))
-            through_wear = law.wear * slope * wear_deviation
+            log_wear = np.log(np.maximum(cuts.wear, 1e-300))
+            through_wear = wear_exponent(law, log_wear) * wear_deviation
             deviation = np.hypot(known.log_deviation(law, factors), through_wear)
             half_width[name] = known.quantile * deviation
             extrapolated |= known.extrapolates(factors)

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turning_env.numerics.functions import exp, hypotenuse, log
-from turning_env.numerics.wear_term import log_wear_term, wear_term_slope
-from turning_env.scenario.power_law import log_response
+from turning_env.numerics.wear_term import log_wear_term
+from turning_env.scenario.power_law import log_response, wear_exponent
 from turning_env.scenario.scenario_batch import ScenarioBatch
 
 Array = NDArray[np.float64]
@@ -232,8 +232,7 @@ def _exponents(s: ScenarioBatch) -> dict[str, Any]:
         if name == "wear":
             exponents["wear_time_exponent"] = law.time
         else:
-            slope = wear_term_slope(law.wear_growth, log_wear)
-            exponents[f"{name}_wear_exponent"] = law.wear * slope
+            exponents[f"{name}_wear_exponent"] = wear_exponent(law, log_wear)
     exponents["taylor_exponent"] = material.wear.time / material.wear.cutting_speed
     return exponents
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from turning_env.numerics.functions import exp, log, where
+from turning_env.numerics.wear_term import wear_term_slope
 from turning_env.scenario.section import Section, quantity
 
 POWER_LAW_RECORD = np.dtype(
@@ -62,6 +63,14 @@ def log_response(
 def log_coefficient(law: Any) -> Any:
     """Return the natural logarithm of a law's coefficient, with the reference depth folded in."""
     return log(law.coefficient) - law.depth_of_cut * log(law.reference_depth_of_cut)
+
+
+def wear_exponent(law: Any, log_wear: Any) -> Any:
+    """Return the derivative of a law's log response by the log wear [-], at a log wear [mm].
+
+    It is the exponent e if U = W, and less if a fresh edge has a share of the load.
+    """
+    return law.wear * wear_term_slope(law.wear_growth, log_wear)
 
 
 class PowerLaw(Section):
