@@ -33,7 +33,7 @@ from tqdm import tqdm
 
 from examples import data_card
 from examples.shared import ENV_ID, at_least, run
-from turning_env import FAMILY_ID, IDS, Family, Scenario
+from turning_env import ALL_IDS, FAMILY_ID, IDS, Family, Scenario
 from turning_env.console import described, exits
 from turning_env.family_env import vector_env
 from turning_env.physics.quantities import OBS, OBSERVATION, Entry, layout
@@ -337,7 +337,7 @@ def _parser() -> argparse.ArgumentParser:
     make_parser.add_argument(
         "--env",
         type=environment_id,
-        choices=[*IDS, FAMILY_ID],
+        choices=ALL_IDS,
         default=ENV_ID,
         help="environment id (default: %(default)s)",
     )

@@ -7,7 +7,7 @@ from typing import Any
 
 import torch
 
-from turning_env import FAMILY_ID, IDS, Family, Scenario
+from turning_env import ALL_IDS, FAMILY_ID, IDS, Family, Scenario
 from turning_env.console import described, exits, whole_number
 from turning_env.scenario.arguments import environment_id
 from turning_env.scoring.adapt import as_factory
@@ -101,7 +101,7 @@ def parser(
         parser.add_argument(
             "--env",
             type=environment_id,
-            choices=[*IDS, FAMILY_ID],
+            choices=ALL_IDS,
             default=ENV_ID,
             help="environment id (default: %(default)s)",
         )

@@ -12,7 +12,7 @@ import gymnasium
 from gymnasium.vector import AutoresetMode
 
 from examples.shared import parser, run
-from turning_env import FAMILY_ID, IDS
+from turning_env import ALL_IDS
 from turning_env.extras import needed
 
 with needed():
@@ -39,7 +39,7 @@ def with_infos(envs: GymWrapper, names: Sequence[str]) -> GymWrapper:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Check, roll out, print; return the exit status."""
     options = parser("torch_rl", __doc__, 100_000, num_envs=1024).parse_args(arguments)
-    for env_id in (*IDS, FAMILY_ID):
+    for env_id in ALL_IDS:
         check_env_specs(wrapped(env_id, num_envs=2))
         print(f"{env_id}: checked")
 

@@ -27,7 +27,7 @@ from leaderboard.result import (
     write_whole,
 )
 from train.agents.agent_file import NAME
-from turning_env import FAMILY_ID, IDS, SPLITS, Family, Scenario, ScenarioError
+from turning_env import ALL_IDS, FAMILY_ID, IDS, SPLITS, Family, Scenario, ScenarioError
 from turning_env.console import DONE, FAILED, described, exits, positive, print_json, printable
 from turning_env.files import digest_of
 from turning_env.scenario.arguments import environment_id
@@ -41,7 +41,6 @@ MEMORY = Path("results/verified.json")
 OWN_RESULTS = Path("results")  # folder that a user's runs write to
 PROJECT_RESULTS = Path("leaderboard/results")
 SPLITS_ENV_ID = "RoughTurning-v0"  # the id that has splits
-ENV_IDS = (*IDS, FAMILY_ID)
 DEFAULT_SEEDS = 256  # number of seeds where no results come with the project
 
 Command = Callable[[argparse.Namespace], int | None]
@@ -148,7 +147,7 @@ def _add_run_options(parser: argparse.ArgumentParser) -> None:
     add(
         "--env",
         type=environment_id,
-        choices=ENV_IDS,
+        choices=ALL_IDS,
         default=SPLITS_ENV_ID,
         help=f"the environment's id (default: {SPLITS_ENV_ID})",
     )
@@ -436,7 +435,7 @@ def _add_show_options(parser: argparse.ArgumentParser) -> None:
     add(
         "--env",
         type=environment_id,
-        choices=ENV_IDS,
+        choices=ALL_IDS,
         help=f"the environment's id (default: {SPLITS_ENV_ID}, if it has results)",
     )
     add(
@@ -573,7 +572,7 @@ def _add_verify_options(parser: argparse.ArgumentParser) -> None:
     _add_agents_folder(parser)
     _add_workers(parser)
     add = parser.add_argument
-    add("--env", type=environment_id, choices=ENV_IDS, help="only results of this id")
+    add("--env", type=environment_id, choices=ALL_IDS, help="only results of this id")
     add("--scenario", metavar="NAME", help="only results on this scenario")
     add("--policies", nargs="+", metavar="NAME", help="only results of these policies")
     add(

@@ -24,7 +24,7 @@ from leaderboard.result import (
 )
 from leaderboard.standings import Standing, names_of, rank
 from leaderboard.trajectories import Trajectories
-from turning_env import FAMILY_ID, IDS
+from turning_env import ALL_IDS, IDS
 
 
 @dataclass(frozen=True)
@@ -175,9 +175,8 @@ class _Place(NamedTuple):
 def _place(folder: Path) -> _Place:
     """Return the place of a leaderboard's folder, as a key to sort by."""
     env_id = folder.parent.name
-    ids = [*IDS, FAMILY_ID]
     return _Place(
-        id_place=ids.index(env_id) if env_id in ids else len(ids),
+        id_place=ALL_IDS.index(env_id) if env_id in ALL_IDS else len(ALL_IDS),
         env_id=env_id,
         is_other_scenario=folder.name != IDS.get(env_id),
         scenario=folder.name,

@@ -19,7 +19,7 @@ from leaderboard.family import episode_of, family_task
 from leaderboard.policies import agents, named
 from leaderboard.result import ResultError, Task
 from train.agents.agent_file import ONNX_SUFFIX
-from turning_env import FAMILY_ID, IDS, Scenario
+from turning_env import ALL_IDS, FAMILY_ID, IDS, Scenario
 from turning_env.console import DONE, described, exits, positive
 from turning_env.files import replace_file
 from turning_env.progress import progress
@@ -216,11 +216,10 @@ _WRITERS: dict[str, Callable[[Iterator[Frame], Path, int], None]] = {
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m leaderboard.watch", **described(__doc__))
-    ids = [*IDS, FAMILY_ID]
     parser.add_argument(
         "--env",
         type=environment_id,
-        choices=ids,
+        choices=ALL_IDS,
         default="RoughTurning-v0",
         help="the environment's id (default: RoughTurning-v0)",
     )

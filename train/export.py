@@ -39,7 +39,7 @@ from train.agents.network import tried
 from train.agents.to_onnx import ModuleActor, adopted, sb3_actor, to_onnx
 from train.run import ALGORITHMS, Run, family_of, trained_on
 from train.training import load_actor, stating_information
-from turning_env import FAMILY_ID, IDS, Family, Scenario
+from turning_env import ALL_IDS, Family, Scenario
 from turning_env.console import described, exits
 from turning_env.family_env import vector_env
 from turning_env.files import replace_file
@@ -368,7 +368,7 @@ def _parser() -> argparse.ArgumentParser:
     files.add_argument(
         "--env",
         type=environment_id,
-        choices=[*IDS, FAMILY_ID],
+        choices=ALL_IDS,
         help="environment id (default: RoughTurning-v0)",
     )
     files.add_argument(

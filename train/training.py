@@ -41,7 +41,7 @@ from train.run import (
 )
 from train.terms import Terms
 from train.training_information import with_terms
-from turning_env import FAMILY_ID, IDS, Scenario
+from turning_env import ALL_IDS, FAMILY_ID, Scenario
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 from turning_env.console import described, exits, whole_number
 from turning_env.files import digest_of_files, folder_lock, replace_file
@@ -408,12 +408,11 @@ def play_agent(folder: Path, episodes: int) -> Episodes:
 
 def add_task(parser: argparse.ArgumentParser) -> None:
     """Add the options that training and tuning share."""
-    ids = [*IDS, FAMILY_ID]
     parser.add_argument(
         "--env",
         type=environment_id,
-        default=ids[0],
-        choices=ids,
+        default=ALL_IDS[0],
+        choices=ALL_IDS,
         help="environment id (default: %(default)s)",
     )
     parser.add_argument(

@@ -55,6 +55,7 @@ def __getattr__(name: str) -> Any:
 
 
 __all__ = [
+    "ALL_IDS",
     "FAMILY_ID",
     "IDS",
     "MODEL_VERSION",
@@ -99,6 +100,8 @@ IDS = {env_id: task.preset for env_id, task in _TASKS.items()}
 """Registered ids and the preset that each takes when no scenario is given."""
 FAMILY_ID = "RoughTurning-Family-v0"
 """The registered id of families."""
+ALL_IDS = (*IDS, FAMILY_ID)
+"""All registered ids: those of single scenarios, and that of families."""
 
 # Entry points are texts, so that Gymnasium imports a module only when an environment is made.
 for _env_id, _task in _TASKS.items():

@@ -10,7 +10,7 @@ from typing import get_args
 import gymnasium
 import numpy as np
 
-from turning_env import FAMILY_ID, IDS, score
+from turning_env import ALL_IDS, score
 from turning_env.console import Parser, UserError, described, exits, positive, print_json
 from turning_env.extras import provided
 from turning_env.scenario import Scenario, ScenarioError, presets
@@ -63,7 +63,7 @@ def _add_score_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--env",
         type=environment_id,
-        choices=(*IDS, FAMILY_ID),
+        choices=ALL_IDS,
         default="RoughTurning-v0",
         metavar="ID",
         help="environment (default: %(default)s)",
@@ -184,7 +184,7 @@ def _warm_up(_: argparse.Namespace) -> int:
     from turning_env.numerics.compilation import machine_code_folder
     from turning_env.rendering import fields
 
-    for env_id in (*IDS, FAMILY_ID):
+    for env_id in ALL_IDS:
         for mode in ("sync", "vector_entry_point"):
             envs = gymnasium.make_vec(env_id, 2, vectorization_mode=mode)
             envs.reset(seed=0)

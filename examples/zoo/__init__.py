@@ -9,7 +9,7 @@ from typing import Any
 import gymnasium
 
 from train.run import hyperparameters
-from turning_env import FAMILY_ID, IDS
+from turning_env import ALL_IDS
 
 SAME_NAMES = (
     "n_steps",
@@ -34,7 +34,7 @@ POLICY_NAMES = ("log_std_init", "n_critics", "n_quantiles")
 
 def settings(algorithm: str) -> dict[str, dict[str, Any]]:
     """Return the zoo's settings of an algorithm for each id."""
-    return {env_id: _of_id(algorithm, env_id) for env_id in (*IDS, FAMILY_ID)}
+    return {env_id: _of_id(algorithm, env_id) for env_id in ALL_IDS}
 
 
 def _of_id(algorithm: str, env_id: str) -> dict[str, Any]:

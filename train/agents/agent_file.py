@@ -29,7 +29,7 @@ from baselines.guided import HOLD, GuidedPolicy, decision_space, feature_space
 from train.agents import network
 from train.agents.network import MAX_BYTES, MAX_MEMORY
 from train.run import Run
-from turning_env import FAMILY_ID, IDS, Family, Scenario
+from turning_env import ALL_IDS, FAMILY_ID, IDS, Family, Scenario
 from turning_env.batch.driver import action_space, observation_space
 from turning_env.scenario import PortableScenario
 from turning_env.scoring.policy import Policy, PolicyFactory, PolicySpec, ScenarioId
@@ -87,9 +87,9 @@ class Metadata(BaseModel):
 
     @model_validator(mode="after")
     def _is_consistent(self) -> Self:
-        if self.env_id not in (*IDS, FAMILY_ID):
+        if self.env_id not in ALL_IDS:
             raise ValueError(
-                f"env_id is {self.env_id!r}, but must be one of {', '.join((*IDS, FAMILY_ID))}"
+                f"env_id is {self.env_id!r}, but must be one of {', '.join(ALL_IDS)}"
             )
         observation_space = seen_space(self.env_id, self.scenario, self.parameters)
         if self.observation_space != Space.of(observation_space):

@@ -61,6 +61,7 @@ from turning_env.physics.workpiece import (
     position_in_row,
     probe_next_bar,
 )
+from turning_env.scenario.power_law import MIN_DEPTH, MIN_LIFE
 
 _IDENTITY = ("seed", "episode")  # of an episode, which its start keeps
 _ZERO_AT_START = tuple(
@@ -69,9 +70,6 @@ _ZERO_AT_START = tuple(
     # ``drives.note_command`` fills the queues of past commands, which have another shape.
     if quantity.name not in _IDENTITY and quantity.shape == (WIDTH,)
 )
-# An edge that does not cut has neither depth nor wear. Logarithms of these keep within range.
-_MIN_DEPTH = 1e-6  # [mm]
-_MIN_LIFE = 1e-300  # [-]
 
 
 @compiled_separately
@@ -316,7 +314,7 @@ def look_up_cuts(state, work, count, p):
         work.engaged[i] = work.engaged[i] if state.depth_of_cut[i] > 0.0 else 0.0
         work.log_cutting_speed[i] = log(state.cutting_speed[i])
         work.log_feed[i] = log(state.feed[i])
-        work.log_depth[i] = log(max(state.depth_of_cut[i], _MIN_DEPTH))
+        work.log_depth[i] = log(max(state.depth_of_cut[i], MIN_DEPTH))
         work.life_before[i] = state.used_life[i]
 
 
@@ -379,7 +377,7 @@ def set_loads(state, work, i, p, laws):
     ``laws``: function of ``machinability.py``. An edge in air keeps the values of its last cut.
     """
     state.cutting_time[i] += work.engaged[i]
-    work.log_wear[i] = log_wear(p, i, max(state.used_life[i], _MIN_LIFE))
+    work.log_wear[i] = log_wear(p, i, max(state.used_life[i], MIN_LIFE))
     force, power = laws(
         p,
         i,

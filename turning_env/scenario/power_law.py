@@ -18,6 +18,12 @@ from turning_env.numerics.functions import exp, log, where
 from turning_env.numerics.wear_term import wear_term_slope
 from turning_env.scenario.section import Section, quantity
 
+# An edge that does not cut has neither depth nor wear. Laws take logarithms of these instead.
+MIN_DEPTH = 1e-6
+"""Smallest depth of cut [mm]."""
+MIN_LIFE = 1e-300
+"""Smallest used tool life [-]."""
+
 POWER_LAW_RECORD = np.dtype(
     [
         ("log_coefficient", np.float64),

@@ -10,7 +10,7 @@ from operator import attrgetter
 from typing import TYPE_CHECKING, NamedTuple
 
 from turning_env.numerics.wear_term import log_wear_term
-from turning_env.scenario.power_law import PowerLaw
+from turning_env.scenario.power_law import MIN_DEPTH, MIN_LIFE, PowerLaw
 from turning_env.scenario.sections import MAX_DELAY
 
 if TYPE_CHECKING:
@@ -20,8 +20,7 @@ MAX_DIGITS = 100  # responses, and rates of used tool life [1/min], are at most 
 MIN_DIGITS = 280  # responses are at least 1 over 10 to this power
 
 _MAX_DEVIATIONS = 10.0  # largest deviation from the mean in standard deviations
-_MIN_DEPTH = 1e-6  # [mm], as in the transition
-_MIN_LOG_LIFE = math.log(1e-300)  # of used tool life [-], as in the transition
+_MIN_LOG_LIFE = math.log(MIN_LIFE)
 _ROUNDING = 1 + 1e-9  # a product of numbers from a file may exceed its limit by rounding
 _LOG_10 = math.log(10.0)
 
@@ -277,7 +276,7 @@ def _factor_spans(scenario: "Scenario") -> dict[str, Span]:
     return {
         "cutting_speed": _span(machine.cutting_speed_min, machine.cutting_speed_max),
         "feed": _span(machine.feed_min, machine.feed_max),
-        "depth_of_cut": _span(_MIN_DEPTH, deepest + _MIN_DEPTH),
+        "depth_of_cut": _span(MIN_DEPTH, deepest + MIN_DEPTH),
         "hardness": _span(
             mismatch.hardness_factor, hardest, margin=_MAX_DEVIATIONS * hardness_spread
         ),

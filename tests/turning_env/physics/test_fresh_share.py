@@ -8,6 +8,7 @@ import pytest
 from tests.turning_env.playing import UNDISTURBED, changed, play
 from turning_env import PowerLaw, RoughTurningEnv, RoughTurningVectorEnv, Scenario, ScenarioError
 from turning_env.physics.quantities import layout
+from turning_env.scenario.power_law import wear_exponent
 
 FORCE = PowerLaw(coefficient=6000.0, cutting_speed=-0.3, feed=0.6, depth_of_cut=0.8).model_dump()
 FORCE |= {"wear": 1.0, "wear_growth": 4.0}
@@ -25,6 +26,12 @@ def test_a_fresh_edge_has_the_force_of_the_other_factors() -> None:
     fresh = law(100.0, 0.2, 2.5, wear=0.0)
     assert fresh == pytest.approx(6000.0 * 100.0**-0.3 * 0.2**0.6)
     assert law(100.0, 0.2, 2.5, wear=0.25) == pytest.approx(2.0 * fresh)
+
+
+def test_the_wear_exponent_is_the_slope_of_the_logarithms() -> None:
+    # b W / (1 + b W) of the exponent 1; a power law has its own exponent at any wear.
+    assert wear_exponent(MEASURED.material.thrust_force, np.log(0.25)) == pytest.approx(0.5)
+    assert wear_exponent(Scenario().material.thrust_force, np.log(0.25)) == 1.1
 
 
 def test_the_lathe_follows_the_law() -> None:
