@@ -124,8 +124,7 @@ class RoughTurningEnv(BaseEnv, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
     spindle power follow the machinability models of Alaskari and Oraby (2018) for 709M40 steel and
     GC435 inserts. Spindle and feed servo lag behind their commands. Hardness and depth of cut (ap)
     vary from bar to bar and along every bar. Inserts differ in wear and strength. Measured power
-    and force are noisy. The agent earns for metal removed. It pays for machine time, used edge
-    life, overload and breakage.
+    and force are noisy.
 
     ## Action space
 
@@ -221,7 +220,7 @@ class RoughTurningEnv(BaseEnv, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
     or `"human"` (a window shows every step); with `gymnasium.make` also `"rgb_array_list"`. Drawing
     needs `pip install pillow pygame-ce`. A frame shows the bar with its hidden hardness and
     allowance, the tool, power, force and wear against their limits, and the operating map of speed
-    and feed. Loads, return and map begin with an episode's first frame.
+    and feed.
 
     ## Spec
 
