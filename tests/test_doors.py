@@ -13,10 +13,9 @@ from stable_baselines3.common.env_util import make_vec_env
 from leaderboard.__main__ import main as leaderboard
 from tests.train.small import PARAMETERS
 from train import export, ppo
-from turning_env import FAMILY_ID, IDS, score
+from turning_env import ALL_IDS, FAMILY_ID, IDS, score
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 
-ENV_IDS = (*IDS, FAMILY_ID)
 SOURCES = {**IDS, FAMILY_ID: "shop"}
 """The scenario or family of each id."""
 
@@ -138,7 +137,7 @@ DOORS = (
 )
 
 
-@pytest.mark.parametrize("env_id", ENV_IDS)
+@pytest.mark.parametrize("env_id", ALL_IDS)
 @pytest.mark.parametrize("door", DOORS)
 def test_every_id_is(door: Callable[[str, Path], None], env_id: str, tmp_path: Path) -> None:
     door(env_id, tmp_path)

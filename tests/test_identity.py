@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.walking import Smaller, copy_to, run, walk
+from tests.walking import Smaller, blocks, copy_to, run, walk, write_or_change
 
 pytestmark = pytest.mark.slow
 
@@ -66,10 +66,11 @@ def printed_by(copy: Path, *arguments: str) -> str:
     return finished.stdout
 
 
-def test_words_fields_controllers_disturbances_and_entries_invalidate_nothing(copy: Path) -> None:
+def test_words_and_additions_by_the_recipes_invalidate_nothing(copy: Path) -> None:
     """Follow the recipes word for word.
 
-    Each page runs its own test and the golden trajectories; ``verify --check`` follows at the end.
+    Each tutorial runs its own test and the golden trajectories, and the algorithm of CONTRIBUTING
+    trains for some steps. ``verify --check`` follows at the end.
     """
     edit(copy / "turning_env" / "physics" / "wear.py", '"""', '"""Edited. ')
     edit(copy / "baselines" / "fixed.py", '"""', '"""Edited. ')
@@ -77,12 +78,18 @@ def test_words_fields_controllers_disturbances_and_entries_invalidate_nothing(co
         text = (copy / "docs" / "tutorials" / f"{page}.md").read_text("utf-8")
         walk(text, copy, {"python -m pytest": SOME_TESTS}, PLAYED_ELSEWHERE)
 
+    for block in blocks((copy / "CONTRIBUTING.md").read_text("utf-8")):
+        if block.title is not None:
+            write_or_change(copy / block.title, block)
+
     printed_by(copy, "-c", CHECK)
     verified = printed_by(copy, "-m", "leaderboard", "verify", "--check")
     assert "every result is valid" in verified
 
     rules = printed_by(copy, "-c", "from baselines.catalogue import RULES; print(*RULES)")
     assert "steady_load" in rules.split()
+    trained = printed_by(copy, "-m", "train.a2c", "--total-timesteps", "64", "--set", "num_envs=4")
+    assert "a2c-seed0" in trained
     scenario = printed_by(copy, "-m", "turning_env", "show", "rough_turning")
     assert "vibration_gain" in scenario
     assert "torque = false" in scenario

@@ -12,7 +12,7 @@ import pytest
 from gymnasium.vector import AutoresetMode
 
 from tests.turning_env.playing import SHORT_LIVED
-from turning_env import FAMILY_ID, IDS, RoughTurningEnv, RoughTurningVectorEnv
+from turning_env import ALL_IDS, FAMILY_ID, RoughTurningEnv, RoughTurningVectorEnv
 
 ZERO = np.float32(0)
 ONE = np.float32(1)
@@ -96,7 +96,7 @@ def test_single(name: str) -> None:
             seen, _ = env.reset()
 
 
-@pytest.mark.parametrize("env_id", [*IDS, FAMILY_ID])
+@pytest.mark.parametrize("env_id", ALL_IDS)
 def test_time_aware_observation_of_every_id(env_id: str) -> None:
     env = gymnasium.make(env_id)
     if env_id == FAMILY_ID:

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from turning_env import FAMILY_ID, IDS
+from turning_env import ALL_IDS, FAMILY_ID
 
 pytest.importorskip("rl_zoo3")
 
-TRAININGS = [("ppo", env_id) for env_id in (*IDS, FAMILY_ID)]
+TRAININGS = [("ppo", env_id) for env_id in ALL_IDS]
 TRAININGS += [("sac", FAMILY_ID), ("tqc", "RoughTurning-v0")]
 SMALL = {
     "ppo": "n_envs:4 n_steps:64 batch_size:64",

@@ -13,13 +13,12 @@ import numpy as np
 import pytest
 
 from tests.turning_env.playing import FAILING, HOT_SPINDLE, changed, fixed_actions, play
-from turning_env import FAMILY_ID, IDS, MODEL_VERSION, SPLITS, RoughTurningEnv, Scenario
+from turning_env import ALL_IDS, IDS, MODEL_VERSION, SPLITS, RoughTurningEnv, Scenario
 
 FOLDER = Path(__file__).parents[1] / "golden"
 SHORT = FOLDER / "short" / "trajectories.json"
 SEED = 2024
 STEPS = 400
-ALL_IDS = (*IDS, FAMILY_ID)
 EVERY = 20
 """Steps from one stored row to the next."""
 ADVICE = (
