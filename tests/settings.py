@@ -43,6 +43,8 @@ LONGEST = (
     "tests/test_pages.py",
     "tests/test_identity.py",
     "tests/research/papers/test_reproduce.py",
+    "shop/tests/test_notebooks.py",
+    "shop/tests/turning_shop/test_your_own_machine.py",
 )
 
 

@@ -31,6 +31,7 @@ def test_returns_between_the_points_of_the_grid_are_interpolated() -> None:
     assert interpolated(returns, torch.tensor(beyond)).item() == pytest.approx(-100.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tells", [True, False])
 def test_a_regression_leads_one_constant_where_the_context_tells_the_best_speed(
     tells: bool,
