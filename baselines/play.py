@@ -317,6 +317,10 @@ def play(options: argparse.Namespace) -> int:
     """
     if options.seed < 0:
         raise UserError(f"--seed {options.seed} must be 0 or more")
+    # Say that a package is missing before the rule and the lathe compile.
+    with needed(DependencyNotInstalled):
+        import PIL.Image  # noqa: F401
+        import pygame  # noqa: F401
     if options.family is None:
         match = match_on_task(options.env, options.seed)
     else:

@@ -13,7 +13,7 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from leaderboard import pack, policies, run, table, verify
+from leaderboard import pack, policies, run, table, validation, verify
 from leaderboard.family import family_task
 from leaderboard.ranking import Leaderboard, read_leaderboard, read_leaderboards
 from leaderboard.result import (
@@ -507,6 +507,7 @@ def _pack(options: argparse.Namespace) -> None:
 
     python -m leaderboard pack --results results
     python -m leaderboard pack --without lagrangian_ppo
+    python -m leaderboard pack --validation
     """
     folders = _result_folders(options.results)
     if not folders:
@@ -515,7 +516,10 @@ def _pack(options: argparse.Namespace) -> None:
         if pack.pack(folder, options.without):
             print(f"packed {folder}")
     if options.results.resolve() == RESULTS:
-        for path in pack.write_shipped(RESULTS):
+        texts = pack.contents(RESULTS)
+        if options.validation:
+            texts |= validation.contents(RESULTS)
+        for path in pack.write_shipped(texts):
             print(f"wrote {path}")
 
 
@@ -527,6 +531,11 @@ def _add_pack_options(parser: argparse.ArgumentParser) -> None:
         default=[],
         metavar="NAME",
         help="policies whose results are deleted",
+    )
+    parser.add_argument(
+        "--validation",
+        action="store_true",
+        help="also play what score compares with on validation seeds, for minutes, and copy that",
     )
 
 

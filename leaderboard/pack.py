@@ -5,10 +5,10 @@
 
 import json
 import lzma
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from itertools import groupby
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -69,24 +69,40 @@ def _holds(pack_file: Path, results: Sequence[Result]) -> bool:
     return [result.checksum for result in read_file(pack_file)] == checksums
 
 
+class Board(NamedTuple):
+    """A leaderboard whose results ship in the wheel."""
+
+    file_name: str  # in the wheel
+    env_id: str
+    family: str | None  # of a family's id
+
+    def folder(self, results: Path) -> Path:
+        """Return its folder in a folder of results."""
+        if self.family is None:
+            return result_folder(results, self.env_id, IDS[self.env_id])
+        return result_folder(results, self.env_id, f"{self.family}-{SPLIT}")
+
+
+def boards() -> list[Board]:
+    """Return all leaderboards whose results ship in the wheel."""
+    shipped = [Board(f"{env_id}{SUFFIX}", env_id, family=None) for env_id in IDS]
+    for family in families():
+        if family not in DRAFTS:
+            shipped.append(Board(f"{FAMILY_ID}-{family}{SUFFIX}", FAMILY_ID, family=family))
+    return shipped
+
+
 def contents(results: Path) -> dict[Path, str]:
     """Return the text of each leaderboard's file in the wheel, made from a folder of results."""
     texts = {}
-    for env_id, scenario in IDS.items():
-        path = FOLDER / f"{env_id}{SUFFIX}"
-        texts[path] = _returns(env_id, result_folder(results, env_id, scenario))
-    for family in families():
-        if family in DRAFTS:
-            continue
-        path = FOLDER / f"{FAMILY_ID}-{family}{SUFFIX}"
-        folder = result_folder(results, FAMILY_ID, f"{family}-{SPLIT}")
-        texts[path] = _returns(FAMILY_ID, folder)
+    for board in boards():
+        present = list(read_results(board.folder(results)).values())
+        texts[FOLDER / board.file_name] = returns_text(board.env_id, present)
     return texts
 
 
-def _returns(env_id: str, folder: Path) -> str:
-    """Return the episodes' returns and times of each policy of a folder, as JSON."""
-    results = list(read_results(folder).values())
+def returns_text(env_id: str, results: list[Result]) -> str:
+    """Return the episodes' returns and times of each policy, as JSON."""
     results.sort(key=lambda result: (result.policy.title, result.policy.training_seed or 0))
     policies = []
     for name, group in groupby(results, key=lambda result: result.policy.title):
@@ -105,10 +121,10 @@ def _rounded(field: str, results: Sequence[Result]) -> Any:
     return np.round(times, DIGITS).tolist()
 
 
-def write_shipped(results: Path) -> list[Path]:
-    """Write the files in the wheel that have changed, and return their paths."""
+def write_shipped(texts: Mapping[Path, str]) -> list[Path]:
+    """Write the files in the wheel whose texts have changed, and return their paths."""
     written = []
-    for path, text in contents(results).items():
+    for path, text in texts.items():
         content = text.encode()
         # Compare texts: another version of xz may compress the same text to other bytes.
         if path.is_file() and lzma.decompress(path.read_bytes()) == content:

@@ -1,10 +1,25 @@
-"""Specifications of the ids beside ``RoughTurning-v0``.
+"""The tasks: what each id asks, and which class specifies it.
 
-Each has its own preset; all share one transition. Whatever a specification leaves out is as for
-``RoughTurningEnv``.
+    id                        class            actions      an episode
+    RoughTurning-v0           RoughTurningEnv  speed, feed  one edge on unknown bars
+    RoughTurning-Paper-v0     PaperEnv         speed, feed  one edge, without disturbances
+    RoughTurning-Override-v1  OverrideEnv      feed         one pass: hold the spindle load
+    RoughTurning-Surface-v1   SurfaceEnv       feed         15 s: hold a roughness
+    RoughTurning-Shift-v0     ShiftEnv         + new edge   two hours, many edges
+    RoughTurning-Batch-v0     BatchEnv         ten numbers  twenty blanks; a step is a part
+    RoughTurning-Family-v0    FamilyEnv        + new edge   another lathe, about five edges
+
+Print a specification with ``print(turning_env.tasks.ShiftEnv.__doc__)``, or with
+``print(turning_env.RoughTurningEnv.__doc__)`` and ``print(turning_env.FamilyEnv.__doc__)``.
+
+Each class below has its own preset; all share one transition. Whatever a specification leaves out
+is as for ``RoughTurningEnv``.
 """
 
 from turning_env.env import RoughTurningEnv
+
+__all__: list[str] = []
+"""``help`` shows the classes of ``__all__`` with all methods of Gymnasium, which hide the above."""
 
 
 class PaperEnv(RoughTurningEnv):

@@ -158,9 +158,7 @@ def allowed_loads(scenario: Scenario) -> Allowed:
         bearable = tool.edge_strength * math.exp(-STRENGTH_DEVIATIONS * spread)
         by_strength = bearable < force
         force = min(force, bearable)
-    work = scenario.workpiece
-    length = work.overhang or work.bar_length
-    at_deflection = bending_force(scenario, diameter=work.diameter, length=length)
+    at_deflection = bending_force_of_bar(scenario)
     by_deflection = at_deflection < force
     return Allowed(
         thrust_force=min(force, at_deflection),
@@ -169,6 +167,13 @@ def allowed_loads(scenario: Scenario) -> Allowed:
         by_strength=by_strength and not by_deflection,
         by_deflection=by_deflection,
     )
+
+
+def bending_force_of_bar(scenario: Scenario) -> float:
+    """Return ``bending_force`` of the scenario's own bar [N]."""
+    work = scenario.workpiece
+    length = work.overhang or work.bar_length
+    return bending_force(scenario, diameter=work.diameter, length=length)
 
 
 def bending_force(scenario: Scenario, diameter: float, length: float) -> float:

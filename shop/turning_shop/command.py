@@ -290,6 +290,7 @@ def _whatif(options: argparse.Namespace) -> int:
 
     python -m turning_env whatif rough_turning --cutting-speed 120 150 180 --feed 0.2 0.4 --wear 0.2
     """
+    from turning_shop.allowed import bending_force_of_bar
     from turning_shop.prediction import predict
 
     scenario, evidence = _load(options)
@@ -308,7 +309,14 @@ def _whatif(options: argparse.Namespace) -> int:
         writer.writeheader()
         writer.writerows(records)
     else:
-        _print_table(cuts, prediction, evidence, units=SYSTEMS[options.units])
+        lines = tables.table(
+            cuts,
+            prediction,
+            units=SYSTEMS[options.units],
+            bending_force=bending_force_of_bar(scenario),
+        )
+        print("\n".join(lines))
+        _print_measured_ranges(cuts, prediction, evidence, units=SYSTEMS[options.units])
     return DONE
 
 
@@ -327,13 +335,12 @@ def _cuts(scenario: Scenario, options: argparse.Namespace) -> whatif.Cuts:
     return whatif.what_if(scenario, **dict(zip(axes, grids, strict=True)))
 
 
-def _print_table(
+def _print_measured_ranges(
     cuts: whatif.Cuts, prediction: "Prediction | None", evidence: "Evidence", units: Units
 ) -> None:
-    """Print cuts as a table, and the measured ranges if some cuts extrapolate."""
+    """Print the measured ranges if some cuts extrapolate."""
     from turning_shop.prediction import outside
 
-    print("\n".join(tables.table(cuts, prediction, units)))
     if prediction is None or not prediction.extrapolated.any():
         return
     ranges = []

@@ -3,6 +3,7 @@
 ``whatif.py`` predicts the cuts and ``prediction.py`` the intervals.
 """
 
+import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -67,11 +68,15 @@ _LIMITED = ("thrust_force_share", "power_share")
 
 
 def table(
-    cuts: Cuts, prediction: "Prediction | None" = None, units: Units = METRIC
+    cuts: Cuts,
+    prediction: "Prediction | None" = None,
+    units: Units = METRIC,
+    bending_force: float = math.inf,
 ) -> Iterator[str]:
     """Yield an aligned table with units, and with intervals if laws were fitted.
 
-    A star marks cuts that extrapolate. The last column names the limits that are exceeded.
+    A star marks cuts that extrapolate. The last column names the limits that are exceeded, and
+    "bending" if the thrust exceeds ``bending_force`` [N], at which bar and tool bend too far.
     """
     columns = []
     for name, shown in _TABLE.items():
@@ -93,12 +98,17 @@ def table(
     if prediction:
         marks = ["*" if extrapolated else "" for extrapolated in prediction.extrapolated.ravel()]
         columns.append(["", "", *marks])
-    columns.append(["exceeded", "", *_exceeded(cuts)])
+    columns.append(["exceeded", "", *_exceeded(cuts, bending_force)])
     yield from aligned(list(zip(*columns, strict=True)))
 
 
-def _exceeded(cuts: Cuts) -> Iterator[str]:
+def _exceeded(cuts: Cuts, bending_force: float) -> Iterator[str]:
     """Yield the names of the limits that each cut exceeds."""
-    shares = {"wear": cuts.wear_share, "thrust": cuts.thrust_force_share, "power": cuts.power_share}
+    shares = {
+        "wear": cuts.wear_share,
+        "thrust": cuts.thrust_force_share,
+        "bending": cuts.thrust_force / bending_force,
+        "power": cuts.power_share,
+    }
     for index in range(cuts.wear.size):
         yield ", ".join(name for name, share in shares.items() if share.flat[index] > 1)

@@ -1,11 +1,13 @@
 """The game by hand, in a window without a display and with scripted keys."""
 
+import sys
 from collections.abc import Iterator
 
 import numpy as np
 import pytest
 
 from baselines.play import Game, best_rule, match_on_family, match_on_task
+from turning_env.__main__ import main
 
 pygame = pytest.importorskip("pygame")
 
@@ -79,3 +81,15 @@ def test_a_training_job_of_a_family_is_played_beside_the_rule_that_learns() -> N
 
 def test_the_opponent_is_a_feasible_rule_that_beats_fixed_values() -> None:
     assert best_rule("RoughTurning-v0").name not in ("fixed_tuned", "fixed_handbook")
+
+
+def test_a_missing_package_is_named_before_anything_compiles(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def starts(env_id: str, seed: int) -> None:
+        raise AssertionError("the match starts")
+
+    monkeypatch.setattr("baselines.play.match_on_task", starts)
+    monkeypatch.setitem(sys.modules, "pygame", None)
+    assert main(["play"]) == 2
+    assert "pygame is not installed: pip install" in capsys.readouterr().err

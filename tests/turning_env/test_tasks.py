@@ -4,12 +4,13 @@ They are override, roughness, edge changes, parts, and the current as a sensor.
 """
 
 import math
+import pydoc
 
 import numpy as np
 import pytest
 
 from tests.turning_env.playing import UNDISTURBED, changed, infos, play
-from turning_env import RoughTurningEnv, Scenario, read
+from turning_env import FAMILY_ID, IDS, RoughTurningEnv, Scenario, read, tasks
 
 NO_SPREAD = {
     "hardness_bar_spread": 0.0,
@@ -210,3 +211,10 @@ def test_the_largest_excess_over_a_further_limit_is_charged_as_that_of_the_force
     assert info["severe_overload_time"] == pytest.approx(info["engaged_time"])
     for unchanged in ("thrust_force", "power", "wear", "removed", "cost_power"):
         assert info[unchanged] == expected[unchanged]
+
+
+def test_help_lists_every_id_and_no_method() -> None:
+    text = pydoc.plain(pydoc.render_doc(tasks))
+    for env_id in (*IDS, FAMILY_ID):
+        assert env_id in text
+    assert "reset(" not in text

@@ -56,6 +56,7 @@ _MARGIN = 20.0
 """Room around the machine's ranges, so that a point at their ends is seen whole [enlarged
 pixels]."""
 _CONTOUR: Colour = (186, 191, 188)
+_MARK_RADIUS = 8  # of marks, with a margin [pixels]
 _RATES = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000)  # of contours [cm3/min]
 
 
@@ -330,11 +331,11 @@ class OperatingMap:
             if len(ends) == 2:
                 draw.line(self._pixels(ends), fill=limit.colour, width=5)
         if self._scenario.control.action == "part":
-            self._draw_parts(draw, history)
+            marks = self._draw_parts(draw, history)
         else:
-            self._draw_trail(draw, history)
+            marks = self._draw_trail(draw, history)
         image = sheet.reduce(SCALE)
-        self._write_rates(image)
+        self._write_rates(image, marks)
         if len(allowed) <= 2:
             write(
                 image,
@@ -355,25 +356,40 @@ class OperatingMap:
         if len(region) > 2:
             self._draw_outline(draw, region, colour=mixed(QUIET, 0.75))
 
-    def _write_rates(self, image: Image.Image) -> None:
-        """Write the removal rate of each contour at its upper end, inside the map."""
+    def _write_rates(self, image: Image.Image, marks: Sequence[Point]) -> None:
+        """Write the removal rate of each contour at its upper end, inside the map.
+
+        A rate under one of the ``marks`` is left out.
+        """
         for contour in self._contours:
             upper, lower = sorted(contour.ends, key=lambda point: -point[1])
             ((x, y),) = self._pixels([_between(upper, lower, 0.04)])
-            rightmost = image.width - length(contour.text, SMALL) - 3
-            place = (min(x / SCALE + 3, rightmost), y / SCALE - 3)
-            write_note(image, place, contour.text)
+            width = length(contour.text, SMALL)
+            left = min(x / SCALE + 3, image.width - width - 3)
+            top = y / SCALE - 3
+            middle = (left + width / 2, top + SMALL / 2)
+            if all(_is_clear(middle, mark, width) for mark in marks):
+                write_note(image, (left, top), contour.text)
 
-    def _draw_parts(self, draw: ImageDraw.ImageDraw, history: History) -> None:
-        """Draw a point for each of the last parts, and the passes of the last one."""
+    def _draw_parts(self, draw: ImageDraw.ImageDraw, history: History) -> list[Point]:
+        """Draw a point for each of the last parts, and the passes of the last one.
+
+        Return the pixels of the passes.
+        """
         for point in self._trail(history)[:-1]:
             draw_dot(draw, point, radius=5, fill=mixed(INK, 0.25))
-        for cut in history.passes:
-            (point,) = self._pixels([(math.log(cut.cutting_speed), math.log(cut.feed))])
-            _draw_marker(draw, point)
+        marks = self._pixels(
+            [(math.log(cut.cutting_speed), math.log(cut.feed)) for cut in history.passes]
+        )
+        for mark in marks:
+            _draw_marker(draw, mark)
+        return marks
 
-    def _draw_trail(self, draw: ImageDraw.ImageDraw, history: History) -> None:
-        """Draw speed and feed of the last steps, and a ring at the command."""
+    def _draw_trail(self, draw: ImageDraw.ImageDraw, history: History) -> list[Point]:
+        """Draw speed and feed of the last steps, and a ring at the command.
+
+        Return the pixels of the ring and of the last step.
+        """
         points = self._trail(history)
         for number, ends in enumerate(pairwise(points)):
             shade = _SHADES * number // len(points)
@@ -386,6 +402,7 @@ class OperatingMap:
         draw_dot(draw, ring, radius=12, outline=INK, width=3)
         for point in points[-1:]:
             _draw_marker(draw, point)
+        return [ring, *points[-1:]]
 
     def _trail(self, history: History) -> list[Point]:
         """Return the pixels of the last steps or parts."""
@@ -397,3 +414,10 @@ class OperatingMap:
 
 def _draw_marker(draw: ImageDraw.ImageDraw, point: Point) -> None:
     draw_dot(draw, point, radius=9, fill=INK, outline=CARD, width=2)
+
+
+def _is_clear(middle: Point, mark: Point, width: float) -> bool:
+    """Return whether a label of a width about a point [pixels] does not touch a mark of the map."""
+    across = abs(middle[0] - mark[0] / SCALE)
+    down = abs(middle[1] - mark[1] / SCALE)
+    return across > width / 2 + _MARK_RADIUS or down > SMALL / 2 + _MARK_RADIUS

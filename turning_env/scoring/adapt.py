@@ -16,6 +16,8 @@ from turning_env.scoring.sandbox import LIMITS, AgentFileError, Limits, load
 from turning_env.scoring.sb3_observations import ADVICE, normalisation
 from turning_env.scoring.torch_module import ModulePolicy, is_module
 
+MAX_PARTS = 4  # parts of a tuple that an error lists
+
 
 def as_factory(
     policy: Any, limits: Limits = LIMITS, space: Space[Any] | None = None
@@ -42,7 +44,9 @@ def as_factory(
     if isinstance(policy, type):
         policy = _made(policy)
     if hasattr(policy, "act"):
-        return lambda num_envs: policy if hasattr(policy, "reset") else _Function(policy.act)
+        if hasattr(policy, "reset"):
+            return lambda num_envs: _Object(policy)
+        return lambda num_envs: _Function(policy.act)
     if hasattr(policy, "predict"):
         return lambda num_envs: _Model(policy, space)
     if is_module(policy):
@@ -83,8 +87,59 @@ class _Function(Policy):
     function: Callable[[Observations], Any]
 
     def act(self, observations: Observations) -> Actions:
-        actions = np.asarray(self.function(observations), np.float32)
-        return np.asarray(np.clip(actions, -1.0, 1.0))
+        actions = self.function(observations)
+        _check_actions(actions, len(observations))
+        return np.asarray(np.clip(np.asarray(actions, np.float32), -1.0, 1.0))
+
+
+@dataclass
+class _Object:
+    """An object with ``reset`` and ``act``, whose actions are checked."""
+
+    policy: Any
+
+    def reset(self, mask: NDArray[np.bool_]) -> None:
+        self.policy.reset(mask)
+
+    def act(self, observations: Observations) -> Actions:
+        actions: Actions = self.policy.act(observations)
+        _check_actions(actions, len(observations))
+        return actions
+
+
+def _check_actions(actions: Any, num_envs: int) -> None:
+    """Raise ValueError if a policy returns no array of actions, with a row per environment.
+
+    The environment checks the rest: how many numbers an action has, and that they are finite.
+    """
+    try:
+        shape = np.shape(actions)
+    except ValueError:  # the parts of a tuple have different shapes
+        shape = ()
+    if len(shape) == 2 and shape[0] == num_envs:
+        return
+    advice = ""
+    if isinstance(actions, tuple):
+        advice = (
+            ": predict of Stable-Baselines3 returns actions and a state, so give the model itself, "
+            "or lambda observations: model.predict(observations, deterministic=True)[0]"
+        )
+    raise ValueError(
+        f"the policy returned {_kind(actions)}, but must return an array of actions in -1..1, of "
+        f"shape ({num_envs}, numbers of an action){advice}"
+    )
+
+
+def _kind(value: Any) -> str:
+    """Return what an object is."""
+    if value is None:
+        return "None"
+    if isinstance(value, tuple):
+        return f"a tuple ({', '.join(type(part).__name__ for part in value[:MAX_PARTS])})"
+    shape = getattr(value, "shape", None)
+    if shape is None:
+        return f"a {type(value).__name__}"
+    return f"an array of shape {tuple(shape)}"
 
 
 @dataclass

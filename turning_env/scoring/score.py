@@ -1,6 +1,6 @@
 """Score a policy in one line: play it on the held-out seeds and rank it among shipped results.
 
-While you develop, score on the validation seeds, which have no ranking.
+While you develop, score on the validation seeds, which have a score but no ranking.
 """
 
 import json
@@ -44,8 +44,12 @@ FOLDER = Path(__file__).parent / "shipped_results"
 There is a file per id or family: JSON compressed with xz.
 """
 
+VALIDATION_FOLDER = Path(__file__).parent / "validation_results"
+"""The same of the ends of the score and the best rule on the first validation seeds, made by
+``leaderboard pack --validation``."""
+
 SPLIT = "unseen_jobs"  # split whose first jobs score a policy on a family
-VALIDATION_SEEDS = 256  # number of validation seeds without another
+VALIDATION_SEEDS = 256  # number of validation seeds without another, and of those that ship
 
 Split = Literal["held_out", "validation"]
 """Held-out seeds are for a final score, validation seeds for choices. Those of an id are the tuning
@@ -80,6 +84,23 @@ def shipped(board: str, seeds: int | None = None) -> tuple[PolicyResult, ...]:
         raise ValueError(
             f"{board!r} has no results to compare with; there are those of {', '.join(boards)}"
         )
+    return _read(path, seeds)
+
+
+@cache
+def shipped_validation(board: str, seeds: int) -> tuple[PolicyResult, ...]:
+    """Return the results of the score's ends and the best rule on the first validation seeds.
+
+    Return none for a task that does not ship, or if there are more than ``VALIDATION_SEEDS`` seeds.
+    """
+    path = VALIDATION_FOLDER / f"{board}.json.xz"
+    if seeds > VALIDATION_SEEDS or not path.is_file():
+        return ()
+    return _read(path, seeds)
+
+
+def _read(path: Path, seeds: int | None) -> tuple[PolicyResult, ...]:
+    """Return the results in a file, on the first ``seeds`` seeds."""
     results = []
     for policy in json.loads(lzma.decompress(path.read_bytes()))["policies"]:
         results.append(
@@ -130,8 +151,8 @@ class Score:
     seeds: int
     rank: int | None
     """Rank among this policy and the ranked ones that ship: feasible ones first, then by mean
-    return. It is the rank that ``leaderboard run`` gives. None if there is none: see ``warning``;
-    validation seeds have no ranking."""
+    return. It is the rank that ``leaderboard run`` gives. None if there is none: see ``warning``.
+    None on validation seeds, which only the ends of ``score`` and the best rule have played."""
     ranked: int  # number of ranked policies, including this one if it has a rank
     mean_return: Estimate  # [s of machine time]
     score: Estimate | None
@@ -148,7 +169,9 @@ class Score:
     share_above_10_percent: float  # share of cutting time above a limit by more than 10 % [-]
     warning: str | None
     """Why the policy has no rank among those that ship; None if it has one."""
-    comparisons: tuple[Comparison, ...]  # with every policy that ships, best first; oracles last
+    comparisons: tuple[Comparison, ...]
+    """With every policy that ships, best first, oracles last. On validation seeds, with the best
+    fixed speed and feed, the best rule and the oracle."""
     episodes: Episodes = field(repr=False)
     """``turning_env.scoring.play.EPISODE_FIELDS`` of every episode, shape (seeds,)."""
 
@@ -158,13 +181,12 @@ class Score:
         Columns are rank, name, return [s], and this policy's return less that [s].
         """
         lines = [_Line("rank", "policy", "return", "difference of this policy", "")]
-        # Without a rank, this policy follows on those that have one.
-        better = self.ranked if self.rank is None else self.rank - 1
+        better = self._count_better()
         for comparison in self.comparisons[:better]:
-            lines.append(_line_of(comparison, rank=len(lines)))
+            lines.append(self._line_of(comparison, rank=len(lines)))
         lines.append(self._line_of_this_policy())
         for comparison in self.comparisons[better:]:
-            lines.append(_line_of(comparison, rank=len(lines)))
+            lines.append(self._line_of(comparison, rank=len(lines)))
 
         policy_width = max(len(line.policy) for line in lines)
         return_width = max(len(line.mean_return) for line in lines)
@@ -177,6 +199,31 @@ class Score:
             )
             texts.append(text.rstrip())
         return "\n".join(texts)
+
+    def _count_better(self) -> int:
+        """Return the number of policies above this one in the table."""
+        ranked = [policy for policy in self.comparisons if policy.unranked is None]
+        if self.warning is not None:
+            # Without a rank, this policy follows on those that have one.
+            return len(ranked)
+        key = rank_key("agent", self.feasible, merit=self.mean_return.value)
+        return sum(_key(policy) < key for policy in ranked)
+
+    def _line_of(self, comparison: Comparison, rank: int) -> _Line:
+        if comparison.kind == "oracle":
+            notes = ["oracle"]
+        elif comparison.unranked:
+            notes = [_NOTES[comparison.feasibility], "not ranked"]
+        else:
+            notes = [_NOTES[comparison.feasibility]]
+        has_rank = comparison.unranked is None and self.split == "held_out"
+        return _Line(
+            rank=str(rank) if has_rank else "",
+            policy=comparison.name,
+            mean_return=_interval(comparison.mean_return),
+            ahead=_interval(comparison.ahead, sign="+"),
+            note=", ".join(note for note in notes if note),
+        )
 
     def _line_of_this_policy(self) -> _Line:
         return _Line(
@@ -194,10 +241,9 @@ class Score:
             parts.append(f"score {_interval(self.score, unit='')}")
         if self.rank is not None:
             parts.insert(0, f"rank {self.rank} of {self.ranked}")
-            ranked = [policy for policy in self.comparisons if policy.unranked is None]
-            # The policy on the next rank; for the last policy, the one before it.
-            for policy in ranked[self.rank - 1 : self.rank] or ranked[-1:]:
-                parts.append(f"{_interval(policy.ahead, sign='+')} against {policy.name}")
+        rival = self._rival()
+        if rival is not None:
+            parts.append(f"{_interval(rival.ahead, sign='+')} against {rival.name}")
         if self.feasible:
             parts.append("feasible")
         else:
@@ -206,9 +252,23 @@ class Score:
         lines = [", ".join(parts)]
         if self.warning:
             lines.append(f"no rank: {self.warning}")
-        if self.split == "held_out":
-            lines.append(HELD_OUT_NOTICE)
+        lines.append(HELD_OUT_NOTICE if self.split == "held_out" else VALIDATION_NOTICE)
         return "\n".join(lines)
+
+    def _rival(self) -> Comparison | None:
+        """Return the policy with which the line of a score compares.
+
+        It is the one on the next rank, for the last policy the one before it; on validation seeds
+        the best rule.
+        """
+        ranked = [policy for policy in self.comparisons if policy.unranked is None]
+        if self.split == "validation":
+            nearest = ranked[:1]
+        elif self.rank is None:
+            nearest = []
+        else:
+            nearest = ranked[self.rank - 1 : self.rank] or ranked[-1:]
+        return nearest[0] if nearest else None
 
     def load(self) -> str:
         """Return the shares of cutting time above a limit, and above it by how much."""
@@ -225,29 +285,13 @@ class Score:
 HELD_OUT_NOTICE = (
     'held-out seeds: score on them once, at the end; split="validation" is for choices'
 )
-
+VALIDATION_NOTICE = "validation seeds: for choices; ranks are on the held-out seeds"
 
 _NOTES: dict[Feasibility, str] = {
     "feasible": "",
     "not shown": "feasibility not shown",
     "infeasible": "infeasible",
 }
-
-
-def _line_of(comparison: Comparison, rank: int) -> _Line:
-    if comparison.kind == "oracle":
-        notes = ["oracle"]
-    elif comparison.unranked:
-        notes = [_NOTES[comparison.feasibility], "not ranked"]
-    else:
-        notes = [_NOTES[comparison.feasibility]]
-    return _Line(
-        rank=str(rank) if comparison.unranked is None else "",
-        policy=comparison.name,
-        mean_return=_interval(comparison.mean_return),
-        ahead=_interval(comparison.ahead, sign="+"),
-        note=", ".join(note for note in notes if note),
-    )
 
 
 def score(
@@ -338,7 +382,7 @@ def score(
             scenario,
             seeds=tuning_seeds(count) if validates else held_out_seeds(count),
         )
-    others = () if validates else shipped(board, count)
+    others = shipped_validation(board, count) if validates else shipped(board, count)
     return compare(env_id, episodes, scenario=scenario, others=others, split=split)
 
 
@@ -372,7 +416,7 @@ def compare(
     comparisons.sort(key=lambda policy: (_key(policy), policy.name))
     ranked = [policy for policy in comparisons if policy.unranked is None]
     rank = None
-    if ranked and scored.unranked is None:
+    if ranked and scored.unranked is None and split == "held_out":
         better = [policy for policy in ranked if _key(policy) < _key(scored)]
         rank = 1 + len(better)
     engaged = episodes["engaged_time"]

@@ -89,6 +89,19 @@ def test_text_names_the_limits_that_are_exceeded(capsys: pytest.CaptureFixture[s
     assert lines[3].endswith("wear, thrust, power")
 
 
+def test_text_names_bending_that_goes_too_far(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    slender = tmp_path / "slender.toml"
+    workpiece = 'support = "chuck"\ndiameter = 30\nbar_length = 300'
+    slender.write_text(f'base = "rough_turning"\n[workpiece]\n{workpiece}\n')
+    settings = ["--cutting-speed", "100", "--feed", "0.1", "0.4", "--wear", "0.1"]
+    assert main(["whatif", str(slender), *settings]) == 0
+    printed = capsys.readouterr()
+    assert printed.out.splitlines()[-1].endswith("bending")
+    assert "the bar bends by" in printed.err
+
+
 def test_the_map_marks_where_most_metal_is_removed() -> None:
     axes, _ = draw_map(BASE, Evidence(), wear=0.2).axes
     (mark,) = [line for line in axes.lines if line.get_marker() == "D"]

@@ -1,0 +1,61 @@
+"""Results on validation seeds, with which ``turning_env.score`` compares policies in development.
+
+They are the ends of the score and the best rule. Nothing is ranked on these seeds.
+"""
+
+from pathlib import Path
+
+from leaderboard import policies
+from leaderboard.family import family_task
+from leaderboard.pack import Board, boards, returns_text
+from leaderboard.ranking import read_leaderboard
+from leaderboard.result import Result, ResultError, Task
+from leaderboard.run import Piece, attempt
+from leaderboard.standings import best_rule
+from turning_env import IDS, Scenario
+from turning_env.scoring.comparators import CAUSAL, comparators
+from turning_env.scoring.score import VALIDATION_FOLDER, VALIDATION_SEEDS
+from turning_env.scoring.seeds import tuning_seeds
+
+
+def contents(results: Path, seeds: int = VALIDATION_SEEDS) -> dict[Path, str]:
+    """Play the ends and the best rule of each leaderboard; return the texts of the files.
+
+    It takes some minutes. ``results`` are those that ship: they tell which rule is the best.
+    """
+    texts = {}
+    for board in boards():
+        task = task_of(board, seeds)
+        played = [_play(name, task) for name in names(board, results)]
+        texts[VALIDATION_FOLDER / board.file_name] = returns_text(board.env_id, played)
+    return texts
+
+
+def task_of(board: Board, seeds: int) -> Task:
+    """Return the task on a leaderboard's first validation seeds or jobs."""
+    if board.family is not None:
+        return family_task(board.family, "validation", seeds)
+    scenario = Scenario.load(IDS[board.env_id])
+    return Task(env_id=board.env_id, scenario=scenario, seeds=tuning_seeds(seeds))
+
+
+def names(board: Board, results: Path) -> list[str]:
+    """Return the names of the policies that play: the score's ends, and the best rule."""
+    leaderboard = read_leaderboard(board.folder(results))
+    scenario = leaderboard.task.scenario
+    fixed = comparators(scenario, on_family=board.family is not None).fixed
+    best = best_rule(leaderboard.standings)
+    # A set removes the rule that is an end itself.
+    chosen = {fixed, CAUSAL}
+    if best is not None:
+        chosen.add(best.name)
+    return sorted(chosen)
+
+
+def _play(name: str, task: Task) -> Result:
+    """Play a policy on a task."""
+    (policy,) = policies.named([name], task)
+    episodes = attempt(Piece(policy, task.scenario, task.seeds))
+    if isinstance(episodes, ResultError):
+        raise episodes
+    return Result.of(task, policy, episodes)
