@@ -516,11 +516,11 @@ def _pack(options: argparse.Namespace) -> None:
         if pack.pack(folder, options.without):
             print(f"packed {folder}")
     if options.results.resolve() == RESULTS:
-        texts = pack.contents(RESULTS)
-        if options.validation:
-            texts |= validation.contents(RESULTS)
-        for path in pack.write_shipped(texts):
+        for path in pack.write_shipped(pack.contents(RESULTS)):
             print(f"wrote {path}")
+        if options.validation:
+            for path in validation.write(RESULTS):
+                print(f"wrote {path}", flush=True)
 
 
 def _add_pack_options(parser: argparse.ArgumentParser) -> None:

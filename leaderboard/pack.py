@@ -101,8 +101,8 @@ def contents(results: Path) -> dict[Path, str]:
     return texts
 
 
-def returns_text(env_id: str, results: list[Result]) -> str:
-    """Return the episodes' returns and times of each policy, as JSON."""
+def returns_text(env_id: str, results: list[Result], **about: Any) -> str:
+    """Return the episodes' returns and times of each policy as JSON, after facts about them."""
     results.sort(key=lambda result: (result.policy.title, result.policy.training_seed or 0))
     policies = []
     for name, group in groupby(results, key=lambda result: result.policy.title):
@@ -112,7 +112,7 @@ def returns_text(env_id: str, results: list[Result]) -> str:
         policy["severe"] = _rounded("severe_overload_time", trainings)
         policy["engaged"] = _rounded("engaged_time", trainings)
         policies.append(policy)
-    return json.dumps({"env_id": env_id, "policies": policies}, allow_nan=False)
+    return json.dumps({"env_id": env_id, **about, "policies": policies}, allow_nan=False)
 
 
 def _rounded(field: str, results: Sequence[Result]) -> Any:

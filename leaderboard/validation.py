@@ -3,32 +3,40 @@
 They are the ends of the score and the best rule. Nothing is ranked on these seeds.
 """
 
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from leaderboard import policies
 from leaderboard.family import family_task
-from leaderboard.pack import Board, boards, returns_text
+from leaderboard.pack import Board, boards, returns_text, write_shipped
+from leaderboard.policies import named
 from leaderboard.ranking import read_leaderboard
 from leaderboard.result import Result, ResultError, Task
 from leaderboard.run import Piece, attempt
 from leaderboard.standings import best_rule
-from turning_env import IDS, Scenario
+from turning_env import IDS, MODEL_VERSION, Scenario
 from turning_env.scoring.comparators import CAUSAL, comparators
+from turning_env.scoring.policy import PolicySpec
 from turning_env.scoring.score import VALIDATION_FOLDER, VALIDATION_SEEDS
 from turning_env.scoring.seeds import tuning_seeds
 
 
-def contents(results: Path, seeds: int = VALIDATION_SEEDS) -> dict[Path, str]:
-    """Play the ends and the best rule of each leaderboard; return the texts of the files.
+def write(results: Path) -> Iterator[Path]:
+    """Play the ends and the best rule of each leaderboard; yield the files that have changed.
 
     It takes some minutes. ``results`` are those that ship: they tell which rule is the best.
     """
-    texts = {}
     for board in boards():
-        task = task_of(board, seeds)
+        task = task_of(board, VALIDATION_SEEDS)
         played = [_play(name, task) for name in names(board, results)]
-        texts[VALIDATION_FOLDER / board.file_name] = returns_text(board.env_id, played)
-    return texts
+        text = returns_text(
+            board.env_id, played, versions=versions(result.policy for result in played)
+        )
+        yield from write_shipped({VALIDATION_FOLDER / board.file_name: text})
+
+
+def versions(policies: Iterable[PolicySpec]) -> dict[str, int]:
+    """Return the versions of the model and of each policy, on which the returns depend."""
+    return {"model": MODEL_VERSION} | {policy.name: policy.version for policy in policies}
 
 
 def task_of(board: Board, seeds: int) -> Task:
@@ -54,7 +62,7 @@ def names(board: Board, results: Path) -> list[str]:
 
 def _play(name: str, task: Task) -> Result:
     """Play a policy on a task."""
-    (policy,) = policies.named([name], task)
+    (policy,) = named([name], task)
     episodes = attempt(Piece(policy, task.scenario, task.seeds))
     if isinstance(episodes, ResultError):
         raise episodes

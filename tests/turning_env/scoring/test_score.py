@@ -16,14 +16,27 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack, VecNormalize
 
 from baselines.catalogue import spec
-from leaderboard.pack import contents
+from leaderboard.pack import Board, boards, contents
+from leaderboard.policies import named as named_policies
+from leaderboard.validation import task_of, versions
 from turning_env import FAMILY_ID, Scenario
 from turning_env.__main__ import main
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 from turning_env.scenario.family import DRAFTS, families
 from turning_env.scoring.adapt import as_factory
+from turning_env.scoring.comparators import CAUSAL, comparators
 from turning_env.scoring.play import play
-from turning_env.scoring.score import FOLDER, PolicyResult, Score, compare, score, shipped
+from turning_env.scoring.score import (
+    FOLDER,
+    VALIDATION_FOLDER,
+    VALIDATION_SEEDS,
+    PolicyResult,
+    Score,
+    compare,
+    score,
+    shipped,
+    shipped_validation,
+)
 from turning_env.scoring.seeds import tuning_seeds
 from turning_env.scoring.statistics import Estimate
 
@@ -219,10 +232,40 @@ def test_validation_plays_the_tuning_seeds_and_ranks_nothing() -> None:
     expected = play(as_factory(full_override), Scenario.load("override"), tuning_seeds(2))
     assert scored.episodes["return"].tolist() == expected["return"].tolist()
     assert scored.rank is None
-    assert scored.comparisons == ()
     assert str(scored).startswith("return ")
-    assert "held-out" not in str(scored)
     assert "-> this policy" in scored.table()
+
+
+def test_validation_scores_between_the_ends_and_compares_with_the_best_rule() -> None:
+    rule = spec("override_tuned", Scenario.load("override"))
+    scored = score(rule, OVERRIDE, seeds=4, split="validation")
+    assert scored.score is not None
+    assert scored.score.value == pytest.approx(0.0, abs=0.1)
+    best = named("constant_power_lead", scored.comparisons)
+    assert best.ahead.value < 0.0
+    assert f"against {best.name}" in str(scored)
+    names = [line.split()[0] for line in scored.table().splitlines()[1:]]
+    # The rule itself is there, too.
+    assert names == ["constant_power_lead", "->", "override_tuned", "causal"]
+
+
+def test_more_validation_seeds_than_have_been_played_are_compared_with_nothing() -> None:
+    assert shipped_validation(OVERRIDE, VALIDATION_SEEDS + 1) == ()
+    assert shipped_validation("RoughTurning-Family-v0-mine", 8) == ()
+
+
+@pytest.mark.parametrize("board", boards(), ids=lambda board: board.file_name.partition(".")[0])
+def test_the_ends_of_the_score_have_played_every_validation_seed(board: Board) -> None:
+    board_name = board.file_name.removesuffix(".json.xz")
+    results = shipped_validation(board_name, VALIDATION_SEEDS)
+    for result in results:
+        assert result.returns.shape == (1, VALIDATION_SEEDS)
+    task = task_of(board, seeds=2)
+    policies = named_policies([result.name for result in results], task)
+    text = lzma.decompress((VALIDATION_FOLDER / board.file_name).read_bytes())
+    assert json.loads(text)["versions"] == versions(policies)
+    fixed = comparators(task.scenario, on_family=board.family is not None).fixed
+    assert {fixed, CAUSAL} <= {result.name for result in results}
 
 
 def test_the_default_says_that_it_plays_held_out_seeds(expected: Score) -> None:
@@ -248,6 +291,13 @@ def test_a_rule_for_one_scenario_is_refused_on_a_family() -> None:
         score(rule, FAMILY_ID, seeds=2)
 
 
+class ReturnsPair:
+    def reset(self, mask: Any) -> None: ...
+
+    def act(self, observations: Any) -> Any:
+        return full_override(observations), None
+
+
 class NeedsSize:
     def __init__(self, num_envs: int) -> None: ...
 
@@ -261,6 +311,25 @@ class NeedsSize:
         pytest.param(str(ROOT / "README.md"), ValueError, "README.md", id="no network"),
         pytest.param(f"{__name__}:absent", ValueError, "absent", id="a missing name"),
         pytest.param(full_feed, ValueError, "shape", id="actions of another task"),
+        pytest.param(lambda observations: None, ValueError, "returned None", id="no actions"),
+        pytest.param(
+            lambda observations: full_override(observations)[:, 0],
+            ValueError,
+            r"an array of shape \(2,\), but must return .*shape \(2, ",
+            id="actions without a row per environment",
+        ),
+        pytest.param(
+            lambda observations: (full_override(observations), None),
+            ValueError,
+            r"a tuple \(ndarray, NoneType\).*model\.predict\(observations",
+            id="what predict returns",
+        ),
+        pytest.param(
+            ReturnsPair(),
+            ValueError,
+            r"a tuple \(ndarray, NoneType\).*model\.predict\(observations",
+            id="an object that returns what predict does",
+        ),
     ],
 )
 def test_a_policy_that_cannot_play_is_refused(
