@@ -10,6 +10,7 @@ import numpy as np
 from baselines import tuned
 from baselines.rule import Mask, Parameters, Range, Rule
 from turning_env import Family, Scenario, read
+from turning_env.scenario.section import names_instead
 from turning_env.scoring.policy import Actions, Observations, Policy, PolicySpec, ScenarioId
 
 _FILES = (  # files that declare rules; a new one is added here
@@ -86,7 +87,8 @@ def playable(name: str, scenario: Scenario) -> Rule:
         ValueError: it cannot play the scenario.
     """
     if name not in RULES:
-        raise KeyError(f"no controller is called {name!r}; there are {', '.join(RULES)}")
+        instead = names_instead(name, RULES, max_listed=len(RULES))
+        raise KeyError(f"no controller is called {name!r}; {instead}")
     rule = RULES[name]
     if not rule.plays(scenario):
         raise ValueError(

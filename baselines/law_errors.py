@@ -7,7 +7,6 @@ from the initial speed and feed, the nominal depth and half the wear criterion. 
 power are correlated, as both follow from the specific cutting force.
 """
 
-import argparse
 import json
 import math
 import sys
@@ -20,7 +19,7 @@ import numpy as np
 from baselines.models.load_filter import LawErrors
 from baselines.rule import Array
 from turning_env import Family, ScenarioError
-from turning_env.console import described, exits
+from turning_env.console import Parser, described, exits
 from turning_env.files import replace_file
 from turning_env.numerics.functions import log
 from turning_env.numerics.wear_term import log_wear_term, wear_term_slope
@@ -96,7 +95,7 @@ def _log_error(jobs: DrawnJobs, law: str) -> Any:
 @exits(ScenarioError)
 def main(arguments: Sequence[str] | None = None) -> int:
     """Write the file; return the exit status."""
-    parser = argparse.ArgumentParser(prog="python -m baselines.law_errors", **described(__doc__))
+    parser = Parser(prog="python -m baselines.law_errors", **described(__doc__))
     parser.add_argument("family", help="family, or its TOML file")
     family = Family.load(parser.parse_args(arguments).family)
     chunks = range(math.ceil(family.jobs / CHUNK))

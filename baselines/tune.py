@@ -37,7 +37,7 @@ from baselines import tuned
 from baselines.catalogue import RULES, names, playable
 from baselines.rule import Parameters, Range, Rule
 from turning_env import MODEL_VERSION, Scenario, presets
-from turning_env.console import described, exits, positive
+from turning_env.console import Parser, described, exits, positive
 from turning_env.files import file_lock, folder_lock, replace_file
 from turning_env.progress import progress
 from turning_env.scoring.play import Episodes, play
@@ -342,7 +342,7 @@ def log_of(name: str, target: Path) -> Path:
 
 def _parser() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
-    parser = argparse.ArgumentParser(prog="python -m baselines.tune", **described(__doc__))
+    parser = Parser(prog="python -m baselines.tune", **described(__doc__))
     worth_tuning = ", ".join(name for name, rule in RULES.items() if rule.worth_tuning)
     quick = " and ".join(f"{number} {unit}" for unit, number in QUICK.items())
     parser.add_argument(

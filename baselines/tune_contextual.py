@@ -15,7 +15,6 @@ No other jobs are played. The same command gives the same file, and resumes an i
 it takes the batches that were played from a log.
 """
 
-import argparse
 import json
 import shlex
 import sys
@@ -34,7 +33,7 @@ from baselines.contextual import CHANGE_AT, MIDDLE, RULES, SPEED, limited, log_s
 from baselines.rule import Array, Parameters
 from baselines.tune import log_of
 from turning_env import MODEL_VERSION, Family
-from turning_env.console import described, exits
+from turning_env.console import Parser, described, exits
 from turning_env.files import file_lock, folder_lock, replace_file
 from turning_env.progress import progress
 from turning_env.scoring.play import play_family
@@ -311,9 +310,7 @@ def _print_candidate(name: str, law: Parameters, validation: Mapping[str, Array]
 @exits(ValueError, interrupted="interrupted: run the same command again to go on")
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit status."""
-    parser = argparse.ArgumentParser(
-        prog="python -m baselines.tune_contextual", **described(__doc__)
-    )
+    parser = Parser(prog="python -m baselines.tune_contextual", **described(__doc__))
     parser.add_argument("family", help="family, or its TOML file")
     parser.add_argument(
         "--jobs",

@@ -28,9 +28,19 @@ from leaderboard.result import (
 )
 from train.agents.agent_file import NAME
 from turning_env import ALL_IDS, FAMILY_ID, IDS, SPLITS, Family, Scenario, ScenarioError
-from turning_env.console import DONE, FAILED, described, exits, positive, print_json, printable
+from turning_env.console import (
+    DONE,
+    FAILED,
+    Parser,
+    described,
+    exits,
+    positive,
+    print_json,
+    printable,
+    whole_number,
+)
 from turning_env.files import digest_of
-from turning_env.scenario.arguments import environment_id
+from turning_env.scenario.arguments import environment_id, refuse_family
 from turning_env.scoring.policy import PolicySpec
 from turning_env.scoring.seeds import held_out_seeds
 from turning_env.scoring.workers import WorkersError, workers
@@ -65,7 +75,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="python -m leaderboard", **described(__doc__))
+    parser = Parser(prog="python -m leaderboard", **described(__doc__))
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
     def add(command: Command, brief: str) -> argparse.ArgumentParser:
@@ -664,6 +674,7 @@ def _add_figure_options(parser: argparse.ArgumentParser) -> None:
 
 
 def _scenario(options: argparse.Namespace) -> Scenario:
+    refuse_family(options.scenario)
     return Scenario.load(options.scenario or IDS[options.env])
 
 
@@ -749,7 +760,7 @@ def _add_workers(parser: argparse.ArgumentParser) -> None:
 def _seeds(text: str) -> list[int]:
     """Return held-out seeds, as an argparse type: their number."""
     try:
-        return held_out_seeds(int(text))
+        return held_out_seeds(whole_number(text))
     except ValueError as error:
         raise argparse.ArgumentTypeError(str(error)) from error
 

@@ -29,6 +29,7 @@ from train.agents.onnx_policy import LIMITS
 from turning_env import Scenario
 from turning_env.batch.driver import observation_space
 from turning_env.console import printable
+from turning_env.scenario.section import names_instead
 from turning_env.scoring.adapt import as_factory
 from turning_env.scoring.comparators import CAUSAL, NOMINAL_OPTIMUM, NOMINAL_SHARE
 from turning_env.scoring.play import EPISODE_FIELDS, Episodes
@@ -169,7 +170,8 @@ def named(
     known = _known_names(task)
     unknown = sorted(set(names or ()) - set(known))
     if unknown:
-        raise ResultError(f"no policy is called {', '.join(unknown)}; there are {', '.join(known)}")
+        instead = names_instead(unknown[0], known, max_listed=len(known))
+        raise ResultError(f"no policy is called {', '.join(unknown)}; {instead}")
     if names is None:
         names = known
         if task.of_family:

@@ -148,9 +148,10 @@ def read_leaderboards(
         wanted = "".join(f" of {name}" for name in names)
         present = ", ".join(sorted(folder.name for folder in folders))
         only = f", only {present}" if present else ""
-        raise ResultError(
-            f"{results} holds no results{wanted} yet{only}: python -m leaderboard run"
-        )
+        command = "python -m leaderboard run"
+        if env_id is not None:
+            command += f" --env {env_id}"
+        raise ResultError(f"{results} holds no results{wanted} yet{only}: {command}")
     return leaderboards
 
 

@@ -18,6 +18,7 @@ from leaderboard.ranking import Leaderboard
 from leaderboard.result import ResultError
 from leaderboard.standings import Standing, ranked_by
 from turning_env import SPLITS
+from turning_env.scenario.section import names_instead
 from turning_env.scoring.policy import ScenarioId
 from turning_env.scoring.statistics import Feasibility
 
@@ -147,7 +148,12 @@ def selection(
                 row = {"scenario": leaderboard.task.scenario.name} | row
             rows.append(row)
     if not rows:
-        raise ResultError(f"no policy is called {' or '.join(policies)}")
+        present = set()
+        for leaderboard in leaderboards:
+            present |= {standing.name for standing in leaderboard.standings}
+        first = next(iter(policies), "")
+        instead = names_instead(first, sorted(present), max_listed=len(present))
+        raise ResultError(f"no policy is called {' or '.join(policies)}; {instead}")
     return markdown(rows)
 
 

@@ -20,7 +20,7 @@ from leaderboard.policies import agents, named
 from leaderboard.result import ResultError, Task
 from train.agents.agent_file import ONNX_SUFFIX
 from turning_env import ALL_IDS, FAMILY_ID, IDS, Scenario
-from turning_env.console import DONE, described, exits, positive
+from turning_env.console import DONE, Parser, described, exits, positive
 from turning_env.files import replace_file
 from turning_env.progress import progress
 from turning_env.scenario.arguments import environment_id
@@ -215,7 +215,7 @@ _WRITERS: dict[str, Callable[[Iterator[Frame], Path, int], None]] = {
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="python -m leaderboard.watch", **described(__doc__))
+    parser = Parser(prog="python -m leaderboard.watch", **described(__doc__))
     parser.add_argument(
         "--env",
         type=environment_id,

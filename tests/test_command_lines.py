@@ -334,6 +334,26 @@ EXPLAINED = [
     ),
     Mistake(
         "train.ppo",
+        "--set gamma=2",
+        "gamma is 2.0, but must be 0 to 1",
+    ),
+    Mistake(
+        "train.ppo",
+        "--scenario shop",
+        "shop is a family, not a scenario: add --env RoughTurning-Family-v0",
+    ),
+    Mistake(
+        "train.ppo",
+        "--stps 100",
+        "there is no option --stps; did you mean --steps?",
+    ),
+    Mistake(
+        "leaderboard run",
+        "--policies predictiv --results made",
+        "no policy is called predictiv; did you mean predictive?",
+    ),
+    Mistake(
+        "train.ppo",
         "--set learing_rate=1",
         "ppo has no hyperparameter 'learing_rate'; did you mean learning_rate",
     ),

@@ -13,7 +13,6 @@ training. You can draw such files again, and give them with run folders. The cur
 replace those of the same name.
 """
 
-import argparse
 import json
 import math
 import sys
@@ -30,7 +29,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from baselines.guided import HOLD
 from train.run import Run
-from turning_env.console import described, exits
+from turning_env.console import Parser, described, exits
 from turning_env.files import replace_file
 from turning_env.rendering import plot_style as style
 from turning_env.scoring.policy import ScenarioId
@@ -269,7 +268,7 @@ def named_level(text: str) -> tuple[str, float]:
 @exits(ValueError)
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; return the exit status."""
-    parser = argparse.ArgumentParser(prog="python -m train.curves", **described(__doc__))
+    parser = Parser(prog="python -m train.curves", **described(__doc__))
     parser.add_argument(
         "sources",
         nargs="+",

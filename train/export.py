@@ -40,7 +40,7 @@ from train.agents.to_onnx import ModuleActor, adopted, sb3_actor, to_onnx
 from train.run import ALGORITHMS, Run, family_of, trained_on
 from train.training import load_actor, stating_information
 from turning_env import ALL_IDS, Family, Scenario
-from turning_env.console import described, exits
+from turning_env.console import Parser, described, exits
 from turning_env.family_env import vector_env
 from turning_env.files import replace_file
 from turning_env.scenario.arguments import environment_id
@@ -345,7 +345,7 @@ def _sources(path: Path) -> list[Path]:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="python -m train.export", **described(__doc__))
+    parser = Parser(prog="python -m train.export", **described(__doc__))
     parser.add_argument(
         "agents",
         nargs="+",

@@ -13,6 +13,7 @@ from typing import Any
 
 from turning_env import FAMILY_ID, IDS, Family, Scenario
 from turning_env.files import replace_file
+from turning_env.scenario.arguments import refuse_family
 from turning_env.scenario.section import names_instead
 from turning_env.scoring.policy import ScenarioId
 
@@ -41,6 +42,8 @@ TERMS = {
     "asymmetric": False,
 }
 """Values of ``train/terms.py``'s hyperparameters in a training that does not name them."""
+SHARES = ("gamma", "gae_lambda", "tau")
+"""Hyperparameters that are shares, at most 1."""
 
 OLD_NAMES = {
     "activation": "activation_fn",
@@ -141,6 +144,8 @@ def overrides(algorithm: str, settings: Iterable[str]) -> dict[str, Any]:
         except ValueError:  # no TOML: a text without quotation marks
             value = text
         values[name] = _typed(name, value, known[name])
+        if name in SHARES and values[name] > 1.0:
+            raise ValueError(f"{name} is {values[name]!r}, but must be 0 to 1")
     return values
 
 
@@ -175,9 +180,13 @@ def trained_on(env_id: str, source: str | None) -> Scenario | Family:
     Args:
         env_id: environment id.
         source: name of a preset, or a TOML file; None: the id's own.
+
+    Raises:
+        ScenarioError: there is no such preset or file, or it is a family and the id another.
     """
     if env_id == FAMILY_ID:
         return Family.load(source or "shop")
+    refuse_family(source)
     return Scenario.load(source or IDS[env_id])
 
 
@@ -275,6 +284,10 @@ class Run:
             hint = ""
             if folder.suffix == ".zip":
                 hint = ": train.export makes an agent file of a model of Stable-Baselines3"
+            # Someone may give the folder of all runs: runs/ID/SCENARIO/ALGORITHM-seedN.
+            deeper = sorted(folder.glob("*/*/*/run.json"))
+            if deeper:
+                hint = f", but in {deeper[0].parent}"
             raise ValueError(f"{folder} holds no training run: there is no run.json{hint}")
         try:
             values = json.loads(path.read_text("utf-8"))

@@ -43,7 +43,7 @@ from train.terms import Terms
 from train.training_information import with_terms
 from turning_env import ALL_IDS, FAMILY_ID, Scenario
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
-from turning_env.console import described, exits, whole_number
+from turning_env.console import Parser, described, exits, whole_number
 from turning_env.files import digest_of_files, folder_lock, replace_file
 from turning_env.progress import progress
 from turning_env.scenario.arguments import environment_id
@@ -242,6 +242,8 @@ def new_model(run: Run, algorithm: Algorithm) -> Any:
     """
     try:
         model, vec_env = _model_and_environments(run, algorithm)
+    except ValueError as error:
+        raise ValueError(f"{algorithm.name} cannot be made: {error}") from error
     except Exception as error:  # libraries raise many types for hyperparameters they cannot use
         raise ValueError(
             f"{algorithm.name} cannot be made with these hyperparameters: {error!r}"
@@ -436,7 +438,7 @@ def command_line(
     Train one agent for one training seed, print its path, and return the exit status.
     """
     program = f"python -m train.{algorithm.name}"
-    parser = argparse.ArgumentParser(prog=program, **described(description))
+    parser = Parser(prog=program, **described(description))
     add_task(parser)
     parser.add_argument("--seed", type=int, default=0, help="training seed (default: %(default)s)")
     parser.add_argument(

@@ -34,7 +34,7 @@ from baselines.tune import Played, Trial, TrialLog, trials
 from train.run import ALGORITHMS, Run, hyperparameters, overrides, trained_on
 from train.training import SEEDS, add_task, algorithm_of, play_agent, train
 from turning_env import Family, Scenario
-from turning_env.console import described, exits, whole_number
+from turning_env.console import Parser, described, exits, whole_number
 from turning_env.files import digest_of, file_lock
 from turning_env.progress import progress
 from turning_env.scoring.workers import Workers, cluster, processes
@@ -200,7 +200,7 @@ def search(
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="python -m train.tune", **described(__doc__))
+    parser = Parser(prog="python -m train.tune", **described(__doc__))
     parser.add_argument("--algorithm", required=True, choices=ALGORITHMS, help="algorithm to tune")
     add_task(parser)
     parser.add_argument(

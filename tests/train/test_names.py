@@ -85,3 +85,10 @@ def test_hyperparameters_of_single_ids_can_be_set() -> None:
 def test_an_unknown_algorithm_is_refused() -> None:
     with pytest.raises(ValueError, match=r"no algorithm is called 'pppo'; did you mean ppo"):
         hyperparameters("pppo", "RoughTurning-v0")
+
+
+def test_the_folder_of_all_runs_leads_to_a_run(tmp_path: Path) -> None:
+    run = small_run(ALGORITHMS["ppo"], tmp_path)
+    run.begin()
+    with pytest.raises(ValueError, match=f"no run.json, but in {run.folder}"):
+        Run.read(tmp_path)

@@ -22,21 +22,23 @@ def quantity(default: Any, low: float, high: float, unit: str, description: str)
     )
 
 
-def names_instead(name: str, allowed: Iterable[str], lists_all: str = "") -> str:
+def names_instead(
+    name: str, allowed: Iterable[str], lists_all: str = "", *, max_listed: int = MAX_LISTED
+) -> str:
     """Return advice on an unknown name: similar names, or all names if they are few.
 
-    Of many names, the advice is ``lists_all``, the command or function that lists them; without
-    one, the first few.
+    Of more than ``max_listed`` names, the advice is ``lists_all``, the command or function that
+    lists them; without one, the first few.
     """
     names = list(allowed)
     close = get_close_matches(name[:100], names, n=3, cutoff=0.7)
     if close:
         return f"did you mean {' or '.join(close)}?"
-    if len(names) <= MAX_LISTED:
+    if len(names) <= max_listed:
         return f"allowed are {', '.join(names)}"
     if lists_all:
         return f"list all with: {lists_all}"
-    return f"allowed are {', '.join(names[:MAX_LISTED])} and {len(names) - MAX_LISTED} others"
+    return f"allowed are {', '.join(names[:max_listed])} and {len(names) - max_listed} others"
 
 
 def _with_tuples(value: Any) -> Any:

@@ -17,6 +17,7 @@ import numpy as np
 from turning_env import FAMILY_ID
 from turning_env.batch.driver import observation_space
 from turning_env.scenario import Scenario
+from turning_env.scenario.arguments import id_instead
 from turning_env.scenario.family import Family
 from turning_env.scoring.adapt import as_factory
 from turning_env.scoring.comparators import CAUSAL, comparators
@@ -81,9 +82,7 @@ def shipped(board: str, seeds: int | None = None) -> tuple[PolicyResult, ...]:
     path = FOLDER / f"{board}.json.xz"
     if not path.is_file():
         boards = sorted(file.name.removesuffix(".json.xz") for file in FOLDER.glob("*.json.xz"))
-        raise ValueError(
-            f"{board!r} has no results to compare with; there are those of {', '.join(boards)}"
-        )
+        raise ValueError(f"{board!r} has no results to compare with; {id_instead(board, boards)}")
     return _read(path, seeds)
 
 
@@ -363,8 +362,8 @@ def score(
     else:
         available = MAX_SEEDS if jobs is None else jobs.held_out_jobs
         count = min(VALIDATION_SEEDS, available) if seeds is None else seeds
-    if not 2 <= count <= available:
-        raise ValueError(f"seeds is {count}, but must be 2 to {available}")
+    if not isinstance(count, int) or not 2 <= count <= available:
+        raise ValueError(f"seeds is {count!r}, but must be a whole number, 2 to {available}")
 
     if jobs is not None:
         scenario = jobs.job(0).scenario

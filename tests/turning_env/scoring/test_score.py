@@ -347,6 +347,8 @@ def test_an_id_without_results_is_refused() -> None:
 def test_a_number_of_seeds_that_the_leaderboard_has_not_is_refused() -> None:
     with pytest.raises(ValueError, match="2 to 64"):
         score(full_feed, OVERRIDE, seeds=1)
+    with pytest.raises(ValueError, match="seeds is '8', but must be a whole number"):
+        score(full_feed, OVERRIDE, seeds="8")  # type: ignore[arg-type]
 
 
 def test_a_model_as_a_zip_file_is_sent_to_the_export(tmp_path: Path) -> None:
