@@ -362,7 +362,7 @@ def score(
     else:
         available = MAX_SEEDS if jobs is None else jobs.held_out_jobs
         count = min(VALIDATION_SEEDS, available) if seeds is None else seeds
-    if not isinstance(count, int) or not 2 <= count <= available:
+    if not isinstance(count, int | np.integer) or not 2 <= count <= available:
         raise ValueError(f"seeds is {count!r}, but must be a whole number, 2 to {available}")
 
     if jobs is not None:
