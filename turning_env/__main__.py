@@ -84,7 +84,7 @@ def _add_score_options(parser: argparse.ArgumentParser) -> None:
         "--split",
         choices=get_args(Split),
         default="held_out",
-        help="validation: seeds for choices, without a ranking (default: %(default)s)",
+        help="validation: seeds for choices, with a score and no rank (default: %(default)s)",
     )
     parser.add_argument(
         "--agent-time",
@@ -138,7 +138,7 @@ def _schema(_: argparse.Namespace) -> int:
 def _score(options: argparse.Namespace) -> int:
     """Play a policy on held-out seeds and rank it among the policies that ship.
 
-    While you develop, play the seeds of --split validation, which have no ranking.
+    While you develop, play the seeds of --split validation, which have a score but no ranking.
 
     A policy is an ONNX file or an object in a module. The object may be a function of observations,
     a class with reset and act, a model of Stable-Baselines3 or a module of PyTorch. It runs in this

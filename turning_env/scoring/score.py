@@ -251,7 +251,12 @@ class Score:
         lines = [", ".join(parts)]
         if self.warning:
             lines.append(f"no rank: {self.warning}")
-        lines.append(HELD_OUT_NOTICE if self.split == "held_out" else VALIDATION_NOTICE)
+        if self.split == "held_out":
+            lines.append(HELD_OUT_NOTICE)
+        elif self.comparisons:
+            lines.append(VALIDATION_NOTICE)
+        else:
+            lines.append(UNCOMPARED_NOTICE)
         return "\n".join(lines)
 
     def _rival(self) -> Comparison | None:
@@ -285,6 +290,7 @@ HELD_OUT_NOTICE = (
     'held-out seeds: score on them once, at the end; split="validation" is for choices'
 )
 VALIDATION_NOTICE = "validation seeds: for choices; ranks are on the held-out seeds"
+UNCOMPARED_NOTICE = "validation seeds: for choices; no policy that ships has played them all"
 
 _NOTES: dict[Feasibility, str] = {
     "feasible": "",
@@ -333,7 +339,8 @@ def score(
             256 validation seeds.
         family: preset of a family, if ``env_id`` is a family's.
         limits: limits of time and memory of an ONNX file's process.
-        split: "held_out", or "validation" for seeds that nothing is ranked on.
+        split: "held_out", or "validation" for seeds that only the best fixed speed and feed, the
+            best rule and the oracle have played: there is a score, and no rank.
 
     Raises:
         TypeError: if the policy is none of these.
