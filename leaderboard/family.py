@@ -183,7 +183,7 @@ def rule(name: str, task: Task, knows: Knowledge = "nominal", forgets: bool = Fa
             version=known_forms.VERSION,
             kind="oracle",
             description="self_tuning that knows the forms of the lathe",
-            parameters=RULES["self_tuning"].fixed,
+            parameters=dict(RULES["self_tuning"].fixed),
         )
     else:
         policy = spec(

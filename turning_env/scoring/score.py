@@ -371,6 +371,7 @@ def score(
         count = min(VALIDATION_SEEDS, available) if seeds is None else seeds
     if not isinstance(count, int | np.integer) or not 2 <= count <= available:
         raise ValueError(f"seeds is {count!r}, but must be a whole number, 2 to {available}")
+    count = int(count)
 
     if jobs is not None:
         scenario = jobs.job(0).scenario
