@@ -109,18 +109,20 @@ class Belief:
                     f"control.action {scenario.control.action!r} "
                     f"and sensors.force {scenario.sensors.force!r}"
                 )
+        num_envs = len(scenarios)
         self._errors = law_errors.read() if learns_laws else None
-        self.filter = LoadFilter(scenarios, len(scenarios), self._errors)
+        self.filter = LoadFilter(scenarios, num_envs, self._errors)
         self._models: dict[int, tuple[dict[str, Any], NominalModel]] = {}
         self.entries = len(layout(scenarios[0]))  # of an observation without a belief
 
         # ``assign`` writes to the arrays of this batch.
         values = [_values(scenario) for scenario in scenarios]
+        first_values = values[0]
         self._numbers: dict[str, Any] = {}
-        for name, value in values[0].items():
+        for name, value in first_values.items():
             if isinstance(value, float) and name != _CHOICE:
                 self._numbers[name] = np.array([model[name] for model in values])
-        self.scenario = ScenarioBatch(values[0] | self._numbers, len(scenarios))
+        self.scenario = ScenarioBatch(first_values | self._numbers, num_envs)
 
     def assign(self, env_index: int, number: int, scenario: Callable[[int], Scenario]) -> None:
         """Give an environment another nominal model and forget its estimates.
@@ -153,14 +155,17 @@ class Belief:
         scenario = self.scenario
         reading = read(observations[:, : self.entries], scenario)
         believed.observe(reading, mask)
-        deviations = np.sqrt(np.maximum(np.diagonal(believed.covariance, axis1=1, axis2=2), 0.0))
+        variances = np.diagonal(believed.covariance, axis1=1, axis2=2)
+        deviations = np.sqrt(np.maximum(variances, 0.0))
         prior = np.maximum(believed.prior_deviations, MIN_DEVIATION)
         wear = np.maximum(reading.nominal_wear / scenario.tool.wear_criterion, MIN_WEAR)
-        log_used_life = (log(wear) + believed.log_wear_factor) / scenario.material.wear.time
+        log_wear = log(wear)
+        log_used_life = (log_wear + believed.log_wear_factor) / scenario.material.wear.time
         velocity = reading.cutting_speed * reading.feed * believed.parameters["velocity"]
-        time_to_bar = (believed.parameters["pitch"] - believed.along) / velocity
+        distance_to_bar = believed.parameters["pitch"] - believed.along
+        time_to_bar = distance_to_bar / velocity
         outlook = self._outlook(velocity)
-        log_force, log_power = self._log_laws(reading, log(wear))
+        log_force, log_power = self._log_laws(reading, log_wear)
 
         # In the order of ``ENTRIES``. The outlook has two points: this bar and the next.
         columns = [
@@ -181,7 +186,9 @@ class Belief:
             outlook.power_spread[:, 1],
         ]
         rows = [np.reshape(column, (len(wear), -1)) for column in columns]
-        return np.asarray(np.clip(np.concatenate(rows, axis=1), -LIMIT, LIMIT), np.float32)
+        entries = np.concatenate(rows, axis=1)
+        clipped = np.clip(entries, -LIMIT, LIMIT)
+        return np.asarray(clipped, np.float32)
 
     def _outlook(self, velocity: Array) -> Outlook:
         """Return the outlook after a step, in this bar and in the next; velocities in mm/s."""
@@ -232,12 +239,16 @@ def _begin(belief: Belief, env: Any, mask: Mask, infos: dict[str, Any]) -> None:
     If the environments play a family, the episode may be another job.
     """
     belief.filter.reset(mask)
-    if isinstance(env, FamilyEnv | FamilyVectorEnv):
-        for index in np.flatnonzero(mask).tolist():
-            number = int(np.atleast_1d(infos["job"])[index])
-            belief.assign(
-                index, number, lambda number: env.family.job(number, env.split).scenario.nominal()
-            )
+    if not isinstance(env, FamilyEnv | FamilyVectorEnv):
+        return
+
+    def nominal_model(number: int) -> Scenario:
+        job = env.family.job(number, env.split)
+        return job.scenario.nominal()
+
+    for index in np.flatnonzero(mask).tolist():
+        numbers = np.atleast_1d(infos["job"])
+        belief.assign(index, int(numbers[index]), nominal_model)
 
 
 def with_belief(space: Any) -> Any:

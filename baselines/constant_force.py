@@ -111,13 +111,16 @@ class ConstantForce(Policy):
         reading = read(observations, scenario)
         above = reading.thrust_force > THRESHOLD
         self._steps_engaged = np.where(above, self._steps_engaged + 1, 0)
+        engaged = self._steps_engaged >= self._steps_needed
+
         reference: Array | float = self._force_reference
         if scenario.control.aim == "roughness":
             reference = force_of_roughness(scenario.surface, reading.roughness_reference)
         feed_before = reading.commanded_feed if self._on_command else reading.feed
-        feed = feed_before * reference / np.maximum(reading.thrust_force, THRESHOLD)
-        engaged = self._steps_engaged >= self._steps_needed
-        return self._program.act(reading, self._override(reading, feed, engaged))
+        force = np.maximum(reading.thrust_force, THRESHOLD)
+        feed = feed_before * reference / force
+        override = self._override(reading, feed, engaged)
+        return self._program.act(reading, override)
 
     def _override(self, reading: Reading, feed: Array, engaged: Mask) -> Array:
         """Return the override [-] for the law's feed [mm/rev], which acts where engaged."""
@@ -137,24 +140,29 @@ def recommended_feed(scenario: Scenario) -> Callable[[Array], Array]:
     samples = exp(log_samples)
     low = samples.min()
     span = np.ptp(samples) or 1.0
+    scaled_samples = (samples - low) / span
     places = np.linspace(0, SAMPLES - 1, UNITS).round().astype(np.int64)
-    centres = ((samples - low) / span)[places]
+    centres = scaled_samples[places]
 
     def hidden(roughness: Array) -> Array:
         """Return the outputs of the hidden units, 1 first, shape (samples, 1 + UNITS)."""
         x = (roughness - low) / span
-        distance = (x[:, np.newaxis] - centres) ** 2
-        return np.column_stack([np.ones(len(roughness)), exp(-0.5 * distance / WIDTH**2)])
+        square_distance = (x[:, np.newaxis] - centres) ** 2
+        bells = exp(-0.5 * square_distance / WIDTH**2)
+        return np.column_stack([np.ones(len(roughness)), bells])
 
     # Normal equations of the decayed least squares: (U' U + DECAY^2 I) w = U' feeds.
     units = hidden(samples)
     feeds = feed_of_roughness(scenario, samples)
-    matrix = (units[:, :, np.newaxis] * units[:, np.newaxis]).sum(axis=0)
-    matrix = matrix + DECAY**2 * np.eye(UNITS + 1)
-    weights = _solve(matrix, (units * feeds[:, np.newaxis]).sum(axis=0))
+    products = units[:, :, np.newaxis] * units[:, np.newaxis]
+    decay = DECAY**2 * np.eye(UNITS + 1)
+    matrix = products.sum(axis=0) + decay
+    weighted_units = units * feeds[:, np.newaxis]
+    weights = _solve(matrix, weighted_units.sum(axis=0))
 
     def recommend(roughness: Array) -> Array:
-        feed = (hidden(roughness) * weights).sum(axis=1)
+        contributions = hidden(roughness) * weights
+        feed = contributions.sum(axis=1)
         return np.asarray(np.clip(feed, machine.feed_min, machine.feed_max))
 
     return recommend
@@ -166,10 +174,12 @@ def _solve(matrix: Array, values: Array) -> Array:
     The bits of NumPy's solver differ between processors.
     """
     rows = np.column_stack([matrix, values])
-    for k in range(len(rows)):
+    numbers = np.arange(len(rows))
+    for k in numbers:
         rows[k] /= rows[k, k]
-        others = np.arange(len(rows)) != k
-        rows[others] -= rows[others, k, np.newaxis] * rows[k]
+        others = numbers != k
+        factors = rows[others, k, np.newaxis]
+        rows[others] -= factors * rows[k]
     return rows[:, -1]
 
 

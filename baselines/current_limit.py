@@ -63,16 +63,19 @@ def low_pass(cutoff: float) -> Array:
     #     W^2 (1 + z^-1)^2 / ((1 + d W + W^2) + 2 (W^2 - 1) z^-1 + (1 - d W + W^2) z^-2)
     sine, cosine = sine_and_cosine(0.25 * cutoff)
     warped = sine / cosine
-    damping = 2.0 * sine_and_cosine((np.arange(ORDER // 2) + 0.5) / (2.0 * ORDER))[0]
-    scale = 1.0 / (1.0 + damping * warped + warped * warped)
-    gain = warped * warped * scale
+    squared = warped * warped
+    turns = (np.arange(ORDER // 2) + 0.5) / (2.0 * ORDER)
+    damping = 2.0 * sine_and_cosine(turns)[0]
+    damped = damping * warped
+    scale = 1.0 / (1.0 + damped + squared)
+    gain = squared * scale
     sections = np.empty((len(gain), 6))
     sections[:, 0] = gain
     sections[:, 1] = 2.0 * gain
     sections[:, 2] = gain
     sections[:, 3] = 1.0
-    sections[:, 4] = 2.0 * (warped * warped - 1.0) * scale
-    sections[:, 5] = (1.0 - damping * warped + warped * warped) * scale
+    sections[:, 4] = 2.0 * (squared - 1.0) * scale
+    sections[:, 5] = (1.0 - damped + squared) * scale
     return sections
 
 
@@ -106,14 +109,15 @@ class Smoother:
 
         self._filter = sosfilt
         self._sections = low_pass(cutoff)
+        count = len(self._sections)
         numerator = self._sections[:, :3]
         denominator = self._sections[:, 3:]
         # State of each section per unit of a constant signal, which it passes unchanged.
-        steady = np.empty((len(self._sections), 2))
+        steady = np.empty((count, 2))
         steady[:, 0] = 1.0 - numerator[:, 0]
         steady[:, 1] = numerator[:, 2] - denominator[:, 2]
         self._steady = steady[:, np.newaxis, np.newaxis, :]
-        self._state = np.zeros((len(self._sections), num_envs, signals, 2))
+        self._state = np.zeros((count, num_envs, signals, 2))
         self._window = np.zeros((window, num_envs, signals))
         self.count = np.zeros((num_envs, 1), np.int64)
         self._next = 0  # place in the window of the next output
@@ -125,14 +129,21 @@ class Smoother:
     def update(self, samples: Array) -> Array:
         """Return the smoothed signals after the next samples, both of shape (num_envs, signals)."""
         fresh = self.count[:, 0] == 0
-        self._state[:, fresh] = self._steady * samples[fresh][..., np.newaxis]
+        fresh_samples = samples[fresh][..., np.newaxis]
+        self._state[:, fresh] = self._steady * fresh_samples
         filtered, self._state = self._filter(
-            self._sections, samples[..., np.newaxis], axis=-1, zi=self._state
+            self._sections,
+            samples[..., np.newaxis],
+            axis=-1,
+            zi=self._state,
         )
+
+        window = len(self._window)
         self._window[self._next] = filtered[..., 0]
-        self._next = (self._next + 1) % len(self._window)
-        self.count = np.minimum(self.count + 1, len(self._window))
-        return np.asarray(np.sqrt((self._window**2).sum(axis=0) / self.count))
+        self._next = (self._next + 1) % window
+        self.count = np.minimum(self.count + 1, window)
+        sum_of_squares = (self._window**2).sum(axis=0)
+        return np.asarray(np.sqrt(sum_of_squares / self.count))
 
 
 class Estimate(NamedTuple):
@@ -175,22 +186,28 @@ class ForceEstimator:
     def update(self, reading: Reading) -> Estimate:
         """Return the estimate after the next reading, of ``delay`` samples ago."""
         turns_per_minute = reading.cutting_speed * self._parameters.revolutions_per_metre[0]
-        remains = self._remains * (self._smoother.count[:, 0] > 0)
+        has_begun = self._smoother.count[:, 0] > 0
+        remains = self._remains * has_begun
         self._chip_feed = reading.feed - remains * (reading.feed - self._chip_feed)
+
         samples = np.empty((len(reading.feed), SIGNALS))
-        samples[:, SENSED] = reading.servo_current if self._senses_current else reading.thrust_force
+        samples[:, SENSED] = reading.thrust_force
+        if self._senses_current:
+            samples[:, SENSED] = reading.servo_current
         samples[:, FEED_VELOCITY] = turns_per_minute * reading.feed
         samples[:, CHIP_FEED] = self._chip_feed
         smooth = self._smoother.update(samples).T
+
         force = smooth[SENSED]
         if self._senses_current:
             force = force_from_current(  # type: ignore[no-untyped-call]
                 self._parameters, 0, force, smooth[FEED_VELOCITY]
             )
+        feed = smooth[CHIP_FEED]
         # The filter overshoots.
         return Estimate(
             force=np.maximum(force, 0.0),
-            feed=np.clip(smooth[CHIP_FEED], self._machine.feed_min, self._machine.feed_max),
+            feed=np.clip(feed, self._machine.feed_min, self._machine.feed_max),
         )
 
 
@@ -230,14 +247,17 @@ class CurrentLimit(Policy):
         self.reset(~reading.cutting)
         self._steps_in_metal += reading.cutting
         estimate = self._estimator.update(reading)
-        ratio = real_power(
-            self._feeds / estimate.feed[:, np.newaxis], scenario.material.thrust_force.feed
-        )
-        force_at_grade = estimate.force[:, np.newaxis] * ratio  # shape (num_envs, grades)
+
+        # Estimated force at every grade, shape (num_envs, grades).
+        feed_ratio = self._feeds / estimate.feed[:, np.newaxis]
+        force_ratio = real_power(feed_ratio, scenario.material.thrust_force.feed)
+        force_at_grade = estimate.force[:, np.newaxis] * force_ratio
         lowest = _highest_grade_within(force_at_grade, self._lower)
         highest = _highest_grade_within(force_at_grade, self._upper)
+
         settled = self._steps_in_metal > self.settling_steps
-        self._grade = np.where(settled, np.clip(self._grade, lowest, highest), self._grade)
+        wanted = np.clip(self._grade, lowest, highest)
+        self._grade = np.where(settled, wanted, self._grade)
         return self._program.act(reading, self._overrides[self._grade])
 
 

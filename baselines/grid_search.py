@@ -186,6 +186,7 @@ class GridSearch(Policy):
         self._scales.reset(mask)
 
     def act(self, observations: Observations) -> Actions:
+        num_envs = len(observations)
         scenario = self._scenario
         reading = read(observations, scenario)
         measured = reading.cutting & (reading.power_ratio > 0)
@@ -194,12 +195,12 @@ class GridSearch(Policy):
         )
         # Wear grows as W_max D^n, so the used life is D = (W / W_max)^(1/n).
         relative_wear = reading.nominal_wear / scenario.tool.wear_criterion
-        states = np.empty(len(observations), STATE)
+        states = np.empty(num_envs, STATE)
         states["used_life"] = real_power(relative_wear, 1.0 / scenario.material.wear.time)
         states["start"] = reading.cutting_time
         states["force_limit"] = self._force_limit / force_scale
         states["power_limit"] = self._power_limit / power_scale
-        chosen = np.empty(len(observations), PAIR)
+        chosen = np.empty(num_envs, PAIR)
         interval = scenario.control.interval / 60.0
         search(self._parameters, *self._grid, interval, states, chosen)
         return towards(reading, scenario, chosen["cutting_speed"], chosen["feed"])

@@ -111,8 +111,11 @@ class GuidedRule(SelfTuning):
 
         They are clipped to -1..1.
         """
-        speed, life = np.clip(np.asarray(decisions, np.float64), -1.0, 1.0).T
-        chosen = np.ones(len(speed), np.bool_) if mask is None else mask
+        numbers = np.asarray(decisions, np.float64)
+        speed, life = np.clip(numbers, -1.0, 1.0).T
+        chosen = mask
+        if chosen is None:
+            chosen = np.ones(len(speed), np.bool_)
         top_speed = START_SHARE * MIDDLE_SPEED * exp(SPEED_RANGE * speed)
         change_at = MIDDLE_LIFE + LIFE_RANGE * life
         np.copyto(self.top_speed, top_speed, where=chosen)
@@ -121,13 +124,16 @@ class GuidedRule(SelfTuning):
     def features(self, observations: Observations) -> Observations:
         """Return context, belief and history, shape (num_envs, entries)."""
         believed = self._belief.observe(observations)
-        own_entries = observations[:, : self._belief.entries]
-        self._remember(read(own_entries, self._scenario))
-        history = np.stack([self._history[name] for name in HISTORY], axis=1)
+        entries = self._belief.entries
+        without_context = observations[:, :entries]
+        self._remember(read(without_context, self._scenario))
+
+        columns = [self._history[name] for name in HISTORY]
+        history = np.stack(columns, axis=1)
         history = np.clip(history, -LIMIT, LIMIT).astype(np.float32)
         context = self._context
         if context is None:
-            context = observations[:, self._belief.entries :]
+            context = observations[:, entries:]
         return np.concatenate([context, believed, history], axis=1)
 
     def act(self, observations: Observations) -> Actions:
@@ -152,22 +158,27 @@ class GuidedRule(SelfTuning):
         law = self._scenario.edge_failure.temperature
         wear_exponent = self._scenario.material.wear.time
         measured = reading.removed_wear / self._scenario.tool.wear_criterion
+        is_measured = measured > 0.0
         log_measured = log(np.maximum(measured, MIN_WEAR))
         # Where removed edges are not measured, the expected wear stands for the true one.
-        surprise = np.where(measured > 0.0, log_measured - edge["log_wear"], 0.0)
+        surprise = np.where(is_measured, log_measured - edge["log_wear"], 0.0)
         log_wear = edge["log_wear"] + surprise
         used_life = exp(log_wear / wear_exponent)
-        broke = fresh & ~edge["change_commanded"] & (exp(log_wear) < MAX_BROKEN_WEAR)
+        # An edge that nobody changed has broken, unless it was worn out.
+        ended_early = exp(log_wear) < MAX_BROKEN_WEAR
+        broke = fresh & ~edge["change_commanded"] & ended_early
         survived = fresh & ~broke
 
         heat = edge["heat"] + law.wear / law.cutting_speed * surprise
-        history["edges_broken"] = np.minimum(history["edges_broken"] + broke / 3.0, 1.0)
+        edges_broken = history["edges_broken"] + broke / 3.0
+        history["edges_broken"] = np.minimum(edges_broken, 1.0)
         np.copyto(history["heat_at_breakage"], heat, where=broke)
         np.copyto(history["life_at_breakage"], used_life, where=broke)
         longest = np.maximum(history["life_survived"], used_life)
         np.copyto(history["life_survived"], longest, where=survived)
-        life_surprise = np.clip(surprise / wear_exponent, -MAX_SURPRISE, MAX_SURPRISE)
-        np.copyto(history["wear_surprise"], life_surprise, where=fresh & (measured > 0.0))
+        life_surprise = surprise / wear_exponent
+        clipped_surprise = np.clip(life_surprise, -MAX_SURPRISE, MAX_SURPRISE)
+        np.copyto(history["wear_surprise"], clipped_surprise, where=fresh & is_measured)
 
     def _remember_heat(self, reading: Reading, fresh: Mask) -> None:
         """Note how hot the present edge is, and what it has survived."""
@@ -196,10 +207,14 @@ class GuidedRule(SelfTuning):
         scenario = self._scenario
         law = scenario.edge_failure.temperature
         nominal_wear = reading.nominal_wear / scenario.tool.wear_criterion
-        log_wear = log(np.maximum(nominal_wear, MIN_WEAR)) + self._filter.log_wear_factor
+        log_nominal_wear = log(np.maximum(nominal_wear, MIN_WEAR))
+        log_wear = log_nominal_wear + self._filter.log_wear_factor
+
         start_speed = START_SHARE * scenario.machine.cutting_speed_max
-        by_feed_and_wear = law.feed * log(reading.feed / FEED_SCALE) + law.wear * log_wear
-        heat = log(reading.cutting_speed / start_speed) + by_feed_and_wear / law.cutting_speed
+        by_speed = log(reading.cutting_speed / start_speed)
+        by_feed = law.feed * log(reading.feed / FEED_SCALE)
+        by_wear = law.wear * log_wear
+        heat = by_speed + (by_feed + by_wear) / law.cutting_speed
         hot = reading.cutting & (reading.nominal_wear > 0.0)
         return log_wear, np.where(hot, np.maximum(heat, NO_HEAT), NO_HEAT)
 

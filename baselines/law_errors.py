@@ -97,13 +97,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Write the file; return the exit status."""
     parser = Parser(prog="python -m baselines.law_errors", **described(__doc__))
     parser.add_argument("family", help="family, or its TOML file")
-    family = Family.load(parser.parse_args(arguments).family)
-    chunks = range(math.ceil(family.jobs / CHUNK))
-    errors = np.concatenate([errors_of(family.draw("train", chunk)) for chunk in chunks])
+    parsed = parser.parse_args(arguments)
+    family = Family.load(parsed.family)
+    chunks = []
+    for chunk in range(math.ceil(family.jobs / CHUNK)):
+        jobs = family.draw("train", chunk)
+        chunks.append(errors_of(jobs))
+    errors = np.concatenate(chunks)
+    mean = errors.mean(axis=0)
+    covariance = np.cov(errors, rowvar=False)
     values = {
         "family": family.name,
-        "mean": errors.mean(axis=0).round(DIGITS).tolist(),
-        "covariance": np.cov(errors, rowvar=False).round(DIGITS).tolist(),
+        "mean": mean.round(DIGITS).tolist(),
+        "covariance": covariance.round(DIGITS).tolist(),
     }
     text = json.dumps(values).replace("], [", "],\n[") + "\n"
     replace_file(FILE, lambda path: path.write_text(text, "utf-8"))

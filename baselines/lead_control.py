@@ -105,20 +105,21 @@ class LeadControl(Policy):
         # A lag with the share s covers s (wanted - actual) in a step. To cover r (wanted - actual),
         # with r the share of ``response_time``, it is sent actual + r / s (wanted - actual).
         wanted_chip = self._reference(reading) / exp(self._log_k)
-        towards_chip = self._response_share / chip_share * (wanted_chip - self._chip)
-        wanted_load = np.maximum(self._chip + towards_chip, 0.0)
-        wanted_feed = np.minimum(real_power(wanted_load, 1.0 / self._exponent), self._feed_max)
+        chip_lead = self._response_share / chip_share
+        wanted_load = np.maximum(self._chip + chip_lead * (wanted_chip - self._chip), 0.0)
+        wanted_feed = real_power(wanted_load, 1.0 / self._exponent)
+        wanted_feed = np.minimum(wanted_feed, self._feed_max)
 
-        feed = reading.feed + self._response_share / self._servo_share * (
-            wanted_feed - reading.feed
-        )
+        servo_lead = self._response_share / self._servo_share
+        feed = reading.feed + servo_lead * (wanted_feed - reading.feed)
         override = np.where(reading.cutting, feed / self._program.feed, self._approach)
         return self._program.act(reading, override)
 
     def _chip_share(self, reading: Reading) -> Array:
         """Return the share of the way to a new load that the chip's lag covers in one step [-]."""
         scenario = self._program.scenario
-        turns_per_minute = 1000.0 * reading.cutting_speed / (math.pi * scenario.workpiece.diameter)
+        circumference = math.pi * scenario.workpiece.diameter  # [mm]
+        turns_per_minute = 1000.0 * reading.cutting_speed / circumference
         turns = turns_per_minute * self._interval / 60.0
         return np.asarray(lag_share(turns, scenario.machine.chip_lag))
 
@@ -133,8 +134,11 @@ class LeadControl(Policy):
     def _estimate(self, reading: Reading) -> None:
         """Move log k towards the latest reading's."""
         measured = self._measured(reading)
-        usable = reading.cutting & (self._sensed > self._min_chip) & (measured > 0.0)
-        ratio = np.divide(measured, self._sensed, out=exp(self._log_k), where=usable)
+        has_chip = self._sensed > self._min_chip
+        usable = reading.cutting & has_chip & (measured > 0.0)
+        # Where no reading is usable, k stays.
+        ratio = exp(self._log_k)
+        np.divide(measured, self._sensed, out=ratio, where=usable)
         self._log_k += self._estimate_share * (log(ratio) - self._log_k)
 
     def _measured(self, reading: Reading) -> Array:

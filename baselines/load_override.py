@@ -159,7 +159,10 @@ class LearnedPower(Policy):
         target = self._target_power * capacity_at(program.scenario, reading.cutting_speed)
         target = np.maximum(np.minimum(target, extreme), MIN_LOAD)
         override = towards_load(
-            program.override(reading), reading.power, target=target, share=self._share
+            program.override(reading),
+            reading.power,
+            target=target,
+            share=self._share,
         )
         override[reading.power > STOP * extreme] = 0.0
         # While it learns, and where metal is missing, the feed is the programmed one.
@@ -171,7 +174,8 @@ class LearnedPower(Policy):
         np.divide(power, learned_power, out=growth, where=watched & (learned_power > 0.0))
         share = np.where(watched, self._wear_share, 0.0)
         self._growth += share * (growth - self._growth)
-        return program.act(reading, override, change_edge=self._growth > self._wear)
+        worn = self._growth > self._wear
+        return program.act(reading, override, change_edge=worn)
 
     def _power_at_program(self, reading: Reading) -> Array:
         """Return the power [kW] that the cut would take at the programmed feed and speed."""
@@ -186,7 +190,10 @@ class LearnedPower(Policy):
         """Learn from a power; return the learned power [kW], inf while an edge learns."""
         seconds = 60.0 * reading.cutting_time
         young = seconds < LEARNING_TIME
-        learns = reading.cutting & (seconds >= SETTLING_TIME) & (young | (self._power_count == 0.0))
+        has_settled = seconds >= SETTLING_TIME
+        # An edge that has learned nothing in its youth learns later.
+        needs_power = young | (self._power_count == 0.0)
+        learns = reading.cutting & has_settled & needs_power
         self._power_sum += np.where(learns, power, 0.0)
         self._power_count += learns
         learned = ~young & (self._power_count > 0.0)

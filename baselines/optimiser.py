@@ -156,11 +156,15 @@ class Optimiser(Policy):
         life = self._nominal_life_law()
         log_rate = life.log_rate + life.speed * log(reading.cutting_speed)
         log_rate = log_rate + life.feed * log(reading.feed)
-        rate = exp(log_rate + self._filter.log_wear_factor / exponent)  # [1/s]
+        log_factor = self._filter.log_wear_factor / exponent
+        rate = exp(log_rate + log_factor)  # [1/s]
         soon = used_life + rate * LEAD * self._scenario.control.interval
         doubt = exp(self._wear_caution * self._filter.wear_deviation / exponent)
-        over = soon * doubt >= 1.0
-        return np.asarray((reading.nominal_wear > 0.0) & (over | (price <= 0.0)))
+
+        is_used = reading.nominal_wear > 0.0
+        may_be_over = soon * doubt >= 1.0
+        has_no_price = price <= 0.0
+        return np.asarray(is_used & (may_be_over | has_no_price))
 
     def _times_ahead(self) -> Array:
         """Return the times after a step's start at which loads are predicted [s].
@@ -219,8 +223,10 @@ class Optimiser(Policy):
         outlook = ahead.outlook
         wear_law = scenario.material.wear
         nominal_depth = column(scenario.workpiece.depth_of_cut)
-        log_wear = column(wear_law.depth_of_cut) * log(outlook.depth_of_cut / nominal_depth)
-        log_wear = log_wear + column(wear_law.hardness) * outlook.log_hardness
+        log_depth = log(outlook.depth_of_cut / nominal_depth)
+        wear_by_depth = column(wear_law.depth_of_cut) * log_depth
+        wear_by_hardness = column(wear_law.hardness) * outlook.log_hardness
+        log_wear = wear_by_depth + wear_by_hardness
         # Air costs only time: crossing it is worth the metal that could be cut instead.
         depth = np.where(ahead.cutting > 0, outlook.depth_of_cut, nominal_depth)
         strength_spread = hypotenuse(
@@ -309,11 +315,13 @@ class Optimiser(Policy):
 
         ``commanded``: present value; ``ends``: of its range; ``step``: largest change of its log.
         """
-        low, high = log(ends[0]), log(ends[1])
+        low = log(ends[0])
+        high = log(ends[1])
         if self._scenario.control.action == "set_point":
             return low, high
-        lowest = np.clip(log(commanded) - step, low, high)
-        highest = np.clip(log(commanded) + step, low, high)
+        present = log(commanded)
+        lowest = np.clip(present - step, low, high)
+        highest = np.clip(present + step, low, high)
         return lowest, highest
 
 

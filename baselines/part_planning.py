@@ -144,10 +144,12 @@ def pass_depths(allowance: Array, path: Array, passes: Array, passes_max: int) -
     """
     number = np.arange(passes_max)
     pitch = (path / passes)[:, np.newaxis]
+    remaining = passes[:, np.newaxis]
     # Metal over the finished surface after each pass, and before it: the first meets all of it.
-    after = np.maximum(passes[:, np.newaxis] - 1.0 - number, 0.0) * pitch
-    before = np.where(number == 0, np.inf, (passes[:, np.newaxis] - number) * pitch)
-    return np.maximum(np.minimum(allowance[:, np.newaxis], before) - after, 0.0)
+    after = np.maximum(remaining - 1.0 - number, 0.0) * pitch
+    before = np.where(number == 0, np.inf, (remaining - number) * pitch)
+    met = np.minimum(allowance[:, np.newaxis], before)
+    return np.maximum(met - after, 0.0)
 
 
 def _fixed(

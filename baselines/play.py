@@ -120,17 +120,20 @@ def best_rule(env_id: str) -> Opponent:
     """Return the rule of the highest mean return among the feasible ones of an id's leaderboard."""
     scenario = Scenario.load(IDS[env_id])
     allowance = scenario.limits.overload_allowance
+    rules = catalogue.names(scenario)
     best: tuple[float, str] | None = None
     for result in shipped(env_id):
-        is_rule = result.kind == "rule" and result.name in catalogue.names(scenario)
+        is_rule = result.kind == "rule" and result.name in rules
         if not is_rule or severe_share(result.severe, result.engaged) > allowance:
             continue
-        candidate = (float(result.returns.mean()), result.name)
+        mean_return = float(result.returns.mean())
+        candidate = (mean_return, result.name)
         best = max(best, candidate) if best else candidate
     if best is None:
         raise UserError(f"no feasible rule plays {env_id}")
-    name = best[1]
-    return Opponent(name, catalogue.spec(name, scenario).make(1))
+    _, name = best
+    rule = catalogue.spec(name, scenario)
+    return Opponent(name, rule.make(1))
 
 
 class Keyboard:
@@ -222,11 +225,12 @@ class Game:
             self._step_rule()
         self._window.close()
         lead = self.player.total - self.rule.total
+        place = "ahead" if lead > 0.0 else "behind"
         end = "" if self.player.ended else " when you stopped"
         return (
             f"{self._title}: you {self.player.total:.1f} s, "
             f"{self.opponent.name} {self.rule.total:.1f} s{end}: "
-            f"you are {abs(lead):.1f} s {'ahead' if lead > 0.0 else 'behind'}"
+            f"you are {abs(lead):.1f} s {place}"
         )
 
     def _step_rule(self) -> None:
@@ -255,7 +259,9 @@ class Game:
         from turning_env.rendering.theme import PAPER, QUIET, length, write
 
         image = Image.new("RGB", (width, _STRIP_HEIGHT), PAPER)
-        score = f"you {self.player.total:.1f} s     {self.opponent.name} {self.rule.total:.1f} s"
+        player = f"you {self.player.total:.1f} s"
+        rule = f"{self.opponent.name} {self.rule.total:.1f} s"
+        score = f"{player}     {rule}"
         write(image, (16, 5), score, size=17)
         if self._changes_edges:  # the time ends these episodes, not the edge
             place = (36 + length(score, 17), 8)
@@ -265,7 +271,14 @@ class Game:
             keys.insert(0, "left/right: speed")
         if self._changes_edges:
             keys.insert(-2, "E: new edge")
-        write(image, (width - 16, 8), "   ".join(keys), size=13, colour=QUIET, anchor="right")
+        write(
+            image,
+            (width - 16, 8),
+            "   ".join(keys),
+            size=13,
+            colour=QUIET,
+            anchor="right",
+        )
         return np.asarray(image)
 
 

@@ -51,8 +51,10 @@ class Predictive(Optimiser):
         exponent = self._scenario.material.wear.time
         log_wear = self._filter.log_wear_factor + DOUBT * self._filter.wear_deviation
         doubtful_life = used_life * exp(log_wear / exponent)
-        step = np.minimum((doubtful_life * LIVES).astype(np.int64), LIVES - 1)
-        model = np.arange(len(step)) % len(self._speeds)
+        begun_steps = (doubtful_life * LIVES).astype(np.int64)
+        step = np.minimum(begun_steps, LIVES - 1)
+        environments = np.arange(len(step))
+        model = environments % len(self._speeds)
         scheduled = self._speeds[model, step]
         return np.minimum(self._scenario.cutting_speed_max, scheduled)
 

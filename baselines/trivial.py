@@ -27,8 +27,10 @@ def mixed(words: Words) -> Words:
     The hash is SplitMix64 (Steele, Lea and Flood, "Fast splittable generators", 2014).
     """
     words = words + np.uint64(0x9E3779B97F4A7C15)
-    words = (words ^ (words >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    words = (words ^ (words >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    words = words ^ (words >> np.uint64(30))
+    words = words * np.uint64(0xBF58476D1CE4E5B9)
+    words = words ^ (words >> np.uint64(27))
+    words = words * np.uint64(0x94D049BB133111EB)
     return words ^ (words >> np.uint64(31))
 
 
@@ -51,11 +53,14 @@ class RandomActions(Policy):
         self._keys[mask] = 0
 
     def act(self, observations: Observations) -> Actions:
-        for entry in np.ascontiguousarray(observations.T, np.float32).view(np.uint32):
+        columns = np.ascontiguousarray(observations.T, np.float32)
+        for entry in columns.view(np.uint32):
             self._keys = mixed(self._keys ^ entry)
+        words = mixed(self._keys[:, np.newaxis] ^ self._numbers)
         # The upper 24 bits of a word fit the mantissa of a float32, so each value is exact.
-        words = mixed(self._keys[:, np.newaxis] ^ self._numbers) >> np.uint64(40)
-        return (words.astype(np.float32) + 0.5) * np.float32(2.0**-23) - np.float32(1.0)
+        numbers = (words >> np.uint64(40)).astype(np.float32)
+        share = (numbers + 0.5) * np.float32(2.0**-23)  # of 0..2
+        return share - np.float32(1.0)
 
 
 class ConstantActions(Policy):
@@ -137,11 +142,16 @@ def _always(scenario: Scenario) -> bool:
 def _wait_then_play(scenarios: Sequence[Scenario], num_envs: int) -> FirstThen:
     first = scenarios[0]
     idle = extreme(first, -1.0)
+    policy: Policy
     if first.control.action == "part":
-        parts = first.workpiece.bars
-        return FirstThen(num_envs, idle, steps=parts / 2.0, policy=ConstantActions(zero(first)))
-    batch: Any = first if len(scenarios) == 1 else ScenarioBatch.of(scenarios)
-    steps = batch.control.time_limit * 60.0 / batch.control.interval
+        steps = first.workpiece.bars
+        policy = ConstantActions(zero(first))
+        return FirstThen(num_envs, idle, steps=steps / 2.0, policy=policy)
+    batch: Any = first
+    if len(scenarios) > 1:
+        batch = ScenarioBatch.of(scenarios)
+    seconds = batch.control.time_limit * 60.0
+    steps = seconds / batch.control.interval
     policy = FixedParameters.programmed(batch)
     return FirstThen(num_envs, idle, steps=steps / 2.0, policy=policy)
 

@@ -75,11 +75,15 @@ class Grid:
         inside = np.clip(log_speeds, points[0], points[-1])
         below = np.searchsorted(points, inside, side="right") - 1
         below = np.clip(below, 0, len(points) - 2)
-        share = (inside - points[below]) / (points[below + 1] - points[below])
+        above = below + 1
+        low_point = points[below]
+        high_point = points[above]
+        share = (inside - low_point) / (high_point - low_point)
         job = np.arange(len(self.returns))
         low = self.returns[job, below]
-        high = self.returns[job, below + 1]
-        return float((low + share * (high - low)).mean())
+        high = self.returns[job, above]
+        returns = low + share * (high - low)
+        return float(returns.mean())
 
     def earned(self, law: Parameters) -> float:
         """Return the mean over jobs of the returns by a law of the speed."""
@@ -121,14 +125,17 @@ def shifted(grid: Grid, slopes: Parameters) -> Parameters:
 
     It is lower than that of least squares, because too fast costs more than too slow.
     """
-    names = [name.removeprefix(slope_name("")) for name in slopes]
-    by_numbers = grid.columns(names) @ np.array(list(slopes.values()))
+    prefix = slope_name("")
+    names = [name.removeprefix(prefix) for name in slopes]
+    values = np.array(list(slopes.values()))
+    by_numbers = grid.columns(names) @ values
 
     def value(constant: Array) -> float:
         return grid.mean_return(constant[0] + by_numbers)
 
     best = climb(value, np.array([START]))
-    return {SPEED: float(best[0]), CHANGE_AT: LIFE} | slopes
+    constants = {SPEED: float(best[0]), CHANGE_AT: LIFE}
+    return constants | slopes
 
 
 def regression(grid: Grid, names: Sequence[str]) -> Parameters:
@@ -137,7 +144,8 @@ def regression(grid: Grid, names: Sequence[str]) -> Parameters:
     best_speeds = grid.best_log_speeds()
     # Slopes alone: ``shifted`` finds a better constant than the regression.
     centred = columns - columns.mean(axis=0)
-    solution = np.linalg.lstsq(centred, best_speeds - best_speeds.mean(), rcond=None)[0]
+    centred_speeds = best_speeds - best_speeds.mean()
+    solution, *_ = np.linalg.lstsq(centred, centred_speeds, rcond=None)
     slopes = {}
     for name, slope in zip(names, solution, strict=True):
         slopes[slope_name(name)] = round(float(slope), DIGITS)
@@ -147,15 +155,20 @@ def regression(grid: Grid, names: Sequence[str]) -> Parameters:
 def best_law(grid: Grid, names: Sequence[str]) -> Parameters:
     """Return the law of some numbers that earns most in the grid."""
     columns = grid.columns(names)
-    start = regression(grid, names)
 
     def value(numbers: Array) -> float:
-        constant, slopes = numbers[0], numbers[1:]
+        constant = numbers[0]
+        slopes = numbers[1:]
         return grid.mean_return(constant + columns @ slopes)
 
-    parameters = [SPEED, *map(slope_name, names)]
-    best = climb(value, np.array([start[parameter] for parameter in parameters]))
-    return dict(zip(parameters, best.tolist(), strict=True)) | {CHANGE_AT: LIFE}
+    parameters = [SPEED]
+    for name in names:
+        parameters.append(slope_name(name))
+    law = regression(grid, names)
+    start = np.array([law[parameter] for parameter in parameters])
+    best = climb(value, start)
+    best_values = dict(zip(parameters, best.tolist(), strict=True))
+    return best_values | {CHANGE_AT: LIFE}
 
 
 def best_pair(grid: Grid, names: Sequence[str]) -> Parameters:
@@ -299,10 +312,12 @@ def _print_candidate(name: str, law: Parameters, validation: Mapping[str, Array]
     """Print a candidate's return on the validation jobs, its lead and its parameters."""
     returns = validation[name]
     leads = returns - validation["constant"]
-    means = Bootstrap(len(leads)).means(leads[np.newaxis], "")
+    bootstrap = Bootstrap(len(leads))
+    means = bootstrap.means(leads[np.newaxis], "")
     lead = Estimate.of(leads.mean(), means)
+    median = np.median(leads)
     interval = f"{lead.low:.0f} to {lead.high:.0f}"
-    lead_text = f"{lead.value:.0f} ({interval}), median {np.median(leads):.0f}"
+    lead_text = f"{lead.value:.0f} ({interval}), median {median:.0f}"
     result = f"{returns.mean():.0f} s on validation jobs, over the constant {lead_text} s"
     tqdm.write(f"{name}: {result}; {law}")
 

@@ -149,13 +149,20 @@ def _point_of_rule(rule: str, process: Process, cut: Cut) -> LogPoint:
     first_limit, second_limit = limits(rule, process)
     first = first_limit.line(*cut)
     second = second_limit.line(*cut)
-    further = process.further.get(FURTHER.get(rule[0], ""))
+    further_name = FURTHER.get(rule[0], "")
+    further = process.further.get(further_name)
     if further is not None and first.cutting_speed == 0.0:
         # Both limit the feed alone; the tighter one holds.
         further_line = further.line(*cut)
-        room = np.minimum(first.room / first.feed, further_line.room / further_line.feed)
-        first = Line(cutting_speed=0.0, feed=1.0, room=room)
-    return _within_ranges(process, (first, second), first.crossing(second))
+        first_feed = first.room / first.feed
+        further_feed = further_line.room / further_line.feed
+        first = Line(
+            cutting_speed=0.0,
+            feed=1.0,
+            room=np.minimum(first_feed, further_feed),
+        )
+    point = first.crossing(second)
+    return _within_ranges(process, (first, second), point)
 
 
 def _limit_lines(process: Process, cut: Cut) -> Lines:
@@ -173,11 +180,13 @@ def binding(process: Process, depth_of_cut: ArrayLike, hardness: ArrayLike) -> N
     """
     cut = Cut(depth_of_cut, hardness, wear=process.mean_wear)
     optimum = _cheapest(process, _limit_lines(process, cut), cut)
-    # Machine and life are named last: "NVT".find is -1 for the other names.
     names = []
     for pair in _pairs(process):
-        names.append(" ".join(sorted((pair.name, pair.other_name), key="NVT".find)))
-    return np.array([*names, ""])[optimum.pair]
+        # Machine and life are named last: "NVT".find is -1 for the other names.
+        ordered = sorted((pair.name, pair.other_name), key="NVT".find)
+        names.append(" ".join(ordered))
+    names.append("")
+    return np.array(names)[optimum.pair]
 
 
 def _pairs(process: Process) -> list[Pair]:
@@ -207,23 +216,36 @@ def _within_ranges(process: Process, lines: tuple[Line, Line], point: LogPoint) 
     """Apply step 1 of the module's description."""
     first, second = lines
     log_speed, log_feed = point
-    feed = np.clip(log_feed, *log(process.feed_range))
-    at_feed = np.minimum(first.highest_cutting_speed(feed), second.highest_cutting_speed(feed))
+    slowest, fastest = log(process.cutting_speed_range)
+    lowest, highest = log(process.feed_range)
+
+    feed = np.clip(log_feed, lowest, highest)
+    first_speed = first.highest_cutting_speed(feed)
+    second_speed = second.highest_cutting_speed(feed)
+    at_feed = np.minimum(first_speed, second_speed)
     log_speed = np.where(feed == log_feed, log_speed, at_feed)
-    speed = np.clip(log_speed, *log(process.cutting_speed_range))
-    at_speed = np.minimum(first.highest_feed(speed), second.highest_feed(speed))
+
+    speed = np.clip(log_speed, slowest, fastest)
+    first_feed = first.highest_feed(speed)
+    second_feed = second.highest_feed(speed)
+    at_speed = np.minimum(first_feed, second_feed)
     feed = np.where(speed == log_speed, feed, at_speed)
-    return speed, np.clip(feed, *log(process.feed_range))
+    return speed, np.clip(feed, lowest, highest)
 
 
 def _within_force_and_power(process: Process, lines: Lines, point: LogPoint) -> LogPoint:
     """Apply step 2 of the module's description."""
     log_speed, log_feed = point
-    at_speed = reduce(np.minimum, [line.highest_feed(log_speed) for line in lines])
-    wanted = np.minimum(log_feed, at_speed)
-    feed = np.maximum(wanted, log(process.feed_range[0]))
-    at_feed = reduce(np.minimum, [line.highest_cutting_speed(feed) for line in lines])
-    slower = np.maximum(np.minimum(log_speed, at_feed), log(process.cutting_speed_range[0]))
+    slowest = log(process.cutting_speed_range[0])
+    lowest = log(process.feed_range[0])
+    feeds = [line.highest_feed(log_speed) for line in lines]
+    wanted = np.minimum(log_feed, reduce(np.minimum, feeds))
+    feed = np.maximum(wanted, lowest)
+
+    # Where the lowest feed is too high, the speed falls.
+    speeds = [line.highest_cutting_speed(feed) for line in lines]
+    at_feed = reduce(np.minimum, speeds)
+    slower = np.maximum(np.minimum(log_speed, at_feed), slowest)
     return np.where(wanted < feed, slower, log_speed), feed
 
 
@@ -237,18 +259,21 @@ def _cheapest(process: Process, lines: Lines, cut: Cut) -> Optimum:
     lowest, highest = log(process.feed_range)
     points = []
     for pair in _pairs(process):
-        points.append(pair.limit.line(*cut).crossing(pair.other_limit.line(*cut)))
+        line = pair.limit.line(*cut)
+        other_line = pair.other_limit.line(*cut)
+        points.append(line.crossing(other_line))
     points.append((fastest, lowest))
-    shape = np.broadcast_shapes(
-        *[line.room.shape for line in lines], *[np.shape(value) for value in cut]
-    )
+    shapes = [line.room.shape for line in lines]
+    shapes += [np.shape(value) for value in cut]
+    shape = np.broadcast_shapes(*shapes)
     speeds = np.stack([np.broadcast_to(speed, shape) for speed, _ in points])
     feeds = np.stack([np.broadcast_to(feed, shape) for _, feed in points])
 
     feasible = (speeds >= slowest - ALIKE) & (speeds <= fastest + ALIKE)
     feasible &= (feeds >= lowest - ALIKE) & (feeds <= highest + ALIKE)
     for line in lines:
-        feasible &= line.cutting_speed * speeds + line.feed * feeds <= line.room + ALIKE
+        used = line.cutting_speed * speeds + line.feed * feeds
+        feasible &= used <= line.room + ALIKE
     costs = process.log_cost(
         np.clip(speeds, slowest, fastest),
         np.clip(feeds, lowest, highest),

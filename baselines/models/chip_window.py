@@ -52,8 +52,9 @@ class ChipWindow:
         above_low = log_feed - log(self._low)
         above_high = log_feed - log(self._high)
         shift = SHIFTS[np.newaxis]
-        outside = (above_low[:, np.newaxis] < shift) | (above_high[:, np.newaxis] > shift)
-        share = np.where(outside, 1.0, STRAY_RATE)
+        too_low = above_low[:, np.newaxis] < shift
+        too_high = above_high[:, np.newaxis] > shift
+        share = np.where(too_low | too_high, 1.0, STRAY_RATE)
         expected_stops = np.where(reading.cutting, self._rate * self._minutes, 0.0)
         # Scenarios that do not count the stops say nothing.
         stops = np.nan_to_num(reading.tangles)

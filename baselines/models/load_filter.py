@@ -122,7 +122,9 @@ class NominalModel(NamedTuple):
 
 def records(rows: Sequence[dict[str, Any]]) -> Any:
     """Return one record for each row of numbers and arrays, for compiled loops."""
-    fields: Any = [(name, np.float64, np.shape(value)) for name, value in rows[0].items()]
+    fields: Any = []
+    for name, value in rows[0].items():
+        fields.append((name, np.float64, np.shape(value)))
     filled = np.empty(len(rows), np.dtype((np.record, fields)))
     for i, row in enumerate(rows):
         for name, value in row.items():
@@ -132,21 +134,23 @@ def records(rows: Sequence[dict[str, Any]]) -> Any:
 
 def model_of(scenarios: Sequence[Scenario], errors: LawErrors | None = None) -> NominalModel:
     """Return the filter's knowledge of nominal models, whose laws have ``errors`` or are right."""
-    parameters = records([numbers_of(scenario, errors is not None) for scenario in scenarios])
-    mean = np.zeros((len(scenarios), STATES))
+    learns_laws = errors is not None
+    rows = [numbers_of(scenario, learns_laws) for scenario in scenarios]
+    parameters = records(rows)
+    mean = np.zeros((len(rows), STATES))
     covariance = parameters["prior"][:, :, np.newaxis] * np.eye(STATES)
     if errors is not None:
         # Errors of wear are given as those of the used life, which is wear to the power 1 / time
         # exponent.
-        scales = np.ones((len(scenarios), STATES))
-        scales[:, LOT] = [scenario.material.wear.time for scenario in scenarios]
-        scales[:, WEAR_SPEED] = [scenario.material.wear.cutting_speed for scenario in scenarios]
+        wear_laws = [scenario.material.wear for scenario in scenarios]
+        scales = np.ones((len(rows), STATES))
+        scales[:, LOT] = [law.time for law in wear_laws]
+        scales[:, WEAR_SPEED] = [law.cutting_speed for law in wear_laws]
         scales[:, WEAR_FEED] = scales[:, LOT]
         scales = scales[:, LOT:]
+        rows_scaled = scales[:, :, np.newaxis] * errors.covariance
         mean[:, LOT:] = scales * errors.mean
-        covariance[:, LOT:, LOT:] = (
-            scales[:, :, np.newaxis] * errors.covariance * scales[:, np.newaxis, :]
-        )
+        covariance[:, LOT:, LOT:] = rows_scaled * scales[:, np.newaxis, :]
     return NominalModel(parameters, mean, covariance)
 
 

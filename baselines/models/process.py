@@ -59,9 +59,13 @@ class Line:
         The lines must not be parallel.
         """
         # Cramer's rule.
-        determinant = self.cutting_speed * other.feed - self.feed * other.cutting_speed
-        log_speed = (self.room * other.feed - self.feed * other.room) / determinant
-        log_feed = (self.cutting_speed * other.room - self.room * other.cutting_speed) / determinant
+        speed = self.cutting_speed
+        feed = self.feed
+        determinant = speed * other.feed - feed * other.cutting_speed
+        speed_determinant = self.room * other.feed - feed * other.room
+        feed_determinant = speed * other.room - self.room * other.cutting_speed
+        log_speed = speed_determinant / determinant
+        log_feed = feed_determinant / determinant
         return log_speed, log_feed
 
 
@@ -283,4 +287,6 @@ class Scales:
         share = np.where(mask, self._smoothing, 0.0)
         self._force += share * (force_ratio - self._force)
         self._power += share * (power_ratio - self._power)
-        return np.maximum(self._force, MIN_SCALE), np.maximum(self._power, MIN_SCALE)
+        force = np.maximum(self._force, MIN_SCALE)
+        power = np.maximum(self._power, MIN_SCALE)
+        return force, power

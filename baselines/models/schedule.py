@@ -111,22 +111,26 @@ def schedule(scenario: Scenario) -> Schedule:
 def _best_use(scenario: Scenario, steps: Steps, price: float) -> EdgePlan:
     """Return the best use of an edge at a price of time, by going backward from its end of life."""
     economics = scenario.economics
+    change_time = economics.edge_change_time
     edge = 60.0 * economics.edge_cost  # [s]
     gain = steps.gain - price * steps.time
     set_points = np.zeros(LIVES, np.int64)
     change = LIVES
     # A worn-out edge stops the lathe unplanned.
-    worth = -60.0 * price * (economics.edge_change_time + economics.unplanned_stop)
+    worth = -60.0 * price * (change_time + economics.unplanned_stop)
     for step in range(LIVES - 1, -1, -1):
         # A broken edge loses its unused life.
         unused = edge * (1.0 - (step + 1.0) / LIVES)
-        downtime = economics.edge_change_time + economics.breakage_downtime
+        downtime = change_time + economics.breakage_downtime
         broken = -unused - 60.0 * price * downtime
         survival = steps.survival[step]
-        worths = (gain[step] - edge / LIVES + survival * (worth - broken) + broken).ravel()
-        set_points[step] = worths.argmax()
-        worth = float(worths[set_points[step]])
-        changed = -edge * (1.0 - step / LIVES) - 60.0 * price * economics.edge_change_time
+        expected = gain[step] - edge / LIVES + survival * (worth - broken) + broken
+        worths = expected.ravel()
+        best = worths.argmax()
+        set_points[step] = best
+        worth = float(worths[best])
+        unused_at_start = edge * (1.0 - step / LIVES)
+        changed = -unused_at_start - 60.0 * price * change_time
         if step > 0 and changed > worth:
             worth = changed
             change = step
@@ -138,13 +142,16 @@ def _steps(scenario: Scenario, speed: Array, feed: Array) -> Steps:
     cut = _Cut(scenario, speed, feed)
     life = np.arange(LIVES + 1.0)[:, np.newaxis, np.newaxis] / LIVES
     start = np.maximum(life[:-1], MIN_POSITIVE)
-    middle = 0.5 * (life[:-1] + life[1:])
     end = life[1:]
-    minutes = 1.0 / (LIVES * cut.life_rate(middle))
+    middle = 0.5 * (life[:-1] + end)
+    life_rate = cut.life_rate(middle)
+    minutes = 1.0 / (LIVES * life_rate)
     survival = exp(-cut.hazard(middle, end) * minutes)
     # Force and notch break an edge that is weaker than they are. The edge survived the step's
     # start.
-    stronger = np.minimum(cut.strength_chance(end) / cut.strength_chance(start), 1.0)
+    chance_at_start = cut.strength_chance(start)
+    chance_at_end = cut.strength_chance(end)
+    stronger = np.minimum(chance_at_end / chance_at_start, 1.0)
     return Steps(
         gain=60.0 * cut.value_rate(middle) * minutes,
         time=60.0 * minutes,
@@ -212,37 +219,45 @@ class _Cut:
         power_factor = exp(0.5 * self._spread(self._material.power))
         force = self._force(used_life) * force_factor
         power = self._power(used_life) * power_factor
-        over = np.maximum(force / limits.thrust_force - 1.0, 0.0)
-        over = over + np.maximum(power / limits.power - 1.0, 0.0)
-        metal = self._speed * self._feed * self._depth / economics.reference_removal_rate
+        force_over = np.maximum(force / limits.thrust_force - 1.0, 0.0)
+        power_over = np.maximum(power / limits.power - 1.0, 0.0)
+        over = force_over + power_over
+        removal_rate = self._speed * self._feed * self._depth
+        metal = removal_rate / economics.reference_removal_rate
         return metal - SEVERITY * economics.overload_price * over
 
     def hazard(self, middle: Array, end: Array) -> Any:
         """Return the rate of chipping and of collapse by heat [1/min]."""
         failure = self._failure
         force_spread = self._spread(self._material.thrust_force)
-        load = log(self._force(middle) / self._strength) + 0.5 * force_spread**2
+        log_force = log(self._force(middle) / self._strength)
+        load = log_force + 0.5 * force_spread**2
         relative_wear = self._wear(middle) / self._criterion
-        hazard = failure.chipping_rate * exp(failure.chipping_load_exponent * load)
-        hazard = hazard * real_power(relative_wear, failure.chipping_wear_exponent)
+        by_load = exp(failure.chipping_load_exponent * load)
+        by_wear = real_power(relative_wear, failure.chipping_wear_exponent)
+        chipping = failure.chipping_rate * by_load * by_wear
         if failure.collapse_temperature <= 0.0:
-            return hazard
+            return chipping
         law = failure.temperature
         temperature = law(self._speed, self._feed, self._depth, wear=self._wear(end))
         hotter = log(temperature / failure.collapse_temperature)
         spread = HEAT_MARGIN * self._spread(law) + MIN_HEAT_SPREAD
+        by_hot_spots = HOT_SPOTS * _probability(hotter / spread)
         # If even the mean is this far above the critical temperature, the edge collapses at once.
-        collapse = np.where(hotter > spread, np.inf, HOT_SPOTS * _probability(hotter / spread))
-        return hazard + collapse
+        collapse = np.where(hotter > spread, np.inf, by_hot_spots)
+        return chipping + collapse
 
     def strength_chance(self, used_life: Array) -> Any:
         """Return the chance that an edge is stronger than force and notch [-], above 0."""
         force_spread = self._spread(self._material.thrust_force)
         spread = hypotenuse(force_spread, self._strength_spread)
-        by_force = log(self._strength / self._force(used_life)) / spread
+        reserve = log(self._strength / self._force(used_life))
+        stronger_than_force = _probability(reserve / spread)
+
         notch = np.maximum(self._failure.notch_growth * used_life, MIN_POSITIVE)
-        by_notch = -log(notch) / max(self._strength_spread, MIN_POSITIVE)
-        return _probability(by_force) * _probability(by_notch) + MIN_POSITIVE
+        notch_spread = max(self._strength_spread, MIN_POSITIVE)
+        stronger_than_notch = _probability(-log(notch) / notch_spread)
+        return stronger_than_force * stronger_than_notch + MIN_POSITIVE
 
     def _wear(self, used_life: Array) -> Any:
         """Return the flank wear [mm]."""

@@ -50,11 +50,15 @@ def covers(scenario: Scenario) -> bool:
     power limit, and a row of bars or an ignored time limit.
     """
     control = scenario.control
-    one_edge = control.action != "part" and control.edge_changes == "end"
-    equivalent_time = scenario.tool.wear_rule == "equivalent_time"
-    constant_power = scenario.spindle.short_time_load == 1.0
-    long = scenario.workpiece.bars > 0 or control.time_limit >= MIN_TIME_LIMIT
-    return one_edge and control.aim == "removal" and equivalent_time and constant_power and long
+    conditions = (
+        control.action != "part",
+        control.edge_changes == "end",
+        control.aim == "removal",
+        scenario.tool.wear_rule == "equivalent_time",
+        scenario.spindle.short_time_load == 1.0,
+        scenario.workpiece.bars > 0 or control.time_limit >= MIN_TIME_LIMIT,
+    )
+    return all(conditions)
 
 
 def _no_report() -> None:

@@ -150,14 +150,16 @@ class PerfectBlanks(Policy):
     def _blank(self, env_index: int) -> Blank:
         """Return the blank that an environment cuts next, and its edge."""
         part = self._part[env_index] % self._scenario.workpiece.bars
-        cells = slice(part * CELLS, (part + 1) * CELLS)
+        first_cell = part * CELLS
+        cells = slice(first_cell, first_cell + CELLS)
         fields = self._fields[env_index]
         wear_factor = float(self._truth["wear_factor"][env_index])
         strength = float(self._truth["edge_strength"][env_index])
+        life_factor = real_power(wear_factor, 1.0 / self._scenario.material.wear.time)
         return Blank(
             depth=exp(fields[LOG_DEPTH, cells]),
             hardness=exp(fields[LOG_HARDNESS, cells]),
-            life_factor=float(real_power(wear_factor, 1.0 / self._scenario.material.wear.time)),
+            life_factor=float(life_factor),
             strength=strength / self._scenario.limits.thrust_force,
         )
 

@@ -43,11 +43,13 @@ class PerfectState(Predictive):
         known = self._truth["cutting"] & (depth > 0.0) & worn
         # A 1 in place of unknown values keeps the logarithms defined; the mask leaves them out.
         hardness = np.where(known, self._truth["hardness"], 1.0)
-        wear_factor = np.where(known, wear, 1.0) / np.where(known, reading.nominal_wear, 1.0)
+        true_wear = np.where(known, wear, 1.0)
+        nominal_wear = np.where(known, reading.nominal_wear, 1.0)
+        nominal_depth = self._filter.parameters["depth_of_cut"]
         states = TrueStates(
-            depth=depth / self._filter.parameters["depth_of_cut"] - 1.0,
+            depth=depth / nominal_depth - 1.0,
             log_hardness=log(hardness),
-            log_wear_factor=log(wear_factor),
+            log_wear_factor=log(true_wear / nominal_wear),
         )
         self._filter.tell(known, states, STATE_DEVIATION)
 
