@@ -97,14 +97,16 @@ def vicomtech(source: str) -> Iterator[tuple[str, list[Row]]]:
 
 def h13(folder: str) -> Iterator[tuple[str, list[Row]]]:
     """Yield the sheets of shay-tham/turning: forces of fresh and worn edges, and wear over time."""
+    first = _h13_forces(table(f"{folder}/Exp1.csv"))
     second = _h13_forces(table(f"{folder}/Exp2.csv"))
-    yield "H13, Exp1 and Exp2", [*_h13_forces(table(f"{folder}/Exp1.csv")), *second]
+    yield "H13, Exp1 and Exp2", [*first, *second]
     yield "H13, Exp2", second
     rows = {}
     for reading in table(f"{folder}/Prep.csv"):
         # A reading of wear has several rows, one for each reading of roughness.
-        place = (reading["Tool_ID"], reading["CTime"])
-        rows[place] = _h13_settings(reading) | {"time [min]": reading["CTime"]}
+        time = reading["CTime"]
+        place = (reading["Tool_ID"], time)
+        rows[place] = _h13_settings(reading) | {"time [min]": time}
     yield "H13, Prep", list(rows.values())
 
 
@@ -222,7 +224,9 @@ def exponent(loads: Loads) -> float:
         members = group == name
         log_wear[members] -= log_wear[members].mean()
         log_force[members] -= log_force[members].mean()
-    return float(log_wear @ log_force / (log_wear @ log_wear))
+    product = log_wear @ log_force
+    square = log_wear @ log_wear
+    return float(product / square)
 
 
 def growth(loads: Loads) -> list[float]:
@@ -230,10 +234,13 @@ def growth(loads: Loads) -> list[float]:
     ratios = []
     for name in np.unique(loads.group):
         members = loads.group == name
-        levels, level_of = np.unique(loads.wear[members], return_inverse=True)
+        wear = loads.wear[members]
+        force = loads.force[members]
+        levels, level_of = np.unique(wear, return_inverse=True)
         if levels[0] > 0.1 or levels[-1] < 0.3:
             continue
-        means = np.bincount(level_of, loads.force[members]) / np.bincount(level_of)
+        sums = np.bincount(level_of, force)
+        means = sums / np.bincount(level_of)
         at_low, at_high = np.interp([0.1, 0.3], levels, means)
         ratios.append(float(at_high / at_low))
     return ratios
@@ -250,12 +257,16 @@ def compare_forms(loads: Loads) -> str:
         force = loads.force[members]
         slope, fresh = np.polyfit(wear, force, 1)
         power, log_scale = np.polyfit(np.log(wear), np.log(force), 1)
+        by_growth = fresh + slope * wear
         by_power = np.exp(log_scale) * wear**power
-        affine_errors.append(np.median(np.abs((fresh + slope * wear) / force - 1.0)))
-        power_errors.append(np.median(np.abs(by_power / force - 1.0)))
+        affine_error = np.abs(by_growth / force - 1.0)
+        power_error = np.abs(by_power / force - 1.0)
+        affine_errors.append(np.median(affine_error))
+        power_errors.append(np.median(power_error))
         if wear.min() < LOWEST_WEAR:
             growths.append(slope / fresh)
-    better = int(np.sum(np.array(affine_errors) < np.array(power_errors)))
+    is_better = np.array(affine_errors) < np.array(power_errors)
+    better = int(np.sum(is_better))
     affine = 100.0 * np.median(affine_errors)
     power_law = 100.0 * np.median(power_errors)
     return (

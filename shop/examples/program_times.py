@@ -41,7 +41,11 @@ def passes(moves: int) -> str:
     blocks = []
     for number in range(count):
         diameter = 60.0 - 40.0 * (number + 1) / count
-        blocks.append(f"G0 X{diameter:.4f}\nG1 Z-{LENGTH} F0.25\nG0 X{diameter + 2.0:.4f}\nZ2.")
+        away = diameter + 2.0
+        blocks.append(f"G0 X{diameter:.4f}")
+        blocks.append(f"G1 Z-{LENGTH} F0.25")
+        blocks.append(f"G0 X{away:.4f}")
+        blocks.append("Z2.")
     return HEAD + "\n".join(blocks)
 
 
@@ -69,7 +73,10 @@ def grooves(moves: int) -> str:
     blocks = []
     for number in range(count):
         z = 5.0 + (LENGTH - 10.0) * (number + 1) / count
-        blocks.append(f"G0 Z-{z:.4f}\nG1 X{40.0 + 5.0 * math.sin(number):.3f} F0.1\nG0 X62.")
+        bottom = 40.0 + 5.0 * math.sin(number)
+        blocks.append(f"G0 Z-{z:.4f}")
+        blocks.append(f"G1 X{bottom:.3f} F0.1")
+        blocks.append("G0 X62.")
     return HEAD + "\n".join(blocks)
 
 
@@ -80,8 +87,10 @@ def arcs(moves: int) -> str:
     radius = max(width, 0.2)
     blocks = ["G0 X50.", "G1 Z0. F0.1"]
     for number in range(count):
-        middle, end = width * (number + 0.5), width * (number + 1)
-        blocks.append(f"G3 X50. Z-{middle:.5f} R{radius:.4f}\nG2 X50. Z-{end:.5f} R{radius:.4f}")
+        middle = width * (number + 0.5)
+        end = width * (number + 1)
+        blocks.append(f"G3 X50. Z-{middle:.5f} R{radius:.4f}")
+        blocks.append(f"G2 X50. Z-{end:.5f} R{radius:.4f}")
     return HEAD + "\n".join(blocks)
 
 
@@ -106,16 +115,18 @@ def cycles(moves: int) -> str:
     depth = 36.0 / count
     blocks = []
     for number in range(count):
-        first, last = 2 * number + 1, 2 * number + 2
+        first = 2 * number + 1
+        last = 2 * number + 2
         diameter = 60.0 - depth * number
-        blocks.append(
-            f"G0 X{diameter + 1.0:.3f} Z2.\nG71 U{depth / 6.0:.4f} R0.3\n"
-            f"G71 P{first} Q{last} U0.02 W0.01 F0.25"
-        )
-        blocks.append(
-            f"N{first} G0 X{diameter - depth:.3f}\nG1 Z-50.\n"
-            f"X{diameter:.3f} Z-100.\nN{last} Z-{LENGTH}"
-        )
+        start = diameter + 1.0
+        bottom = diameter - depth
+        blocks.append(f"G0 X{start:.3f} Z2.")
+        blocks.append(f"G71 U{depth / 6.0:.4f} R0.3")
+        blocks.append(f"G71 P{first} Q{last} U0.02 W0.01 F0.25")
+        blocks.append(f"N{first} G0 X{bottom:.3f}")
+        blocks.append("G1 Z-50.")
+        blocks.append(f"X{diameter:.3f} Z-100.")
+        blocks.append(f"N{last} Z-{LENGTH}")
         blocks.append(f"G70 P{first} Q{last}")
     return HEAD + "\n".join(blocks)
 

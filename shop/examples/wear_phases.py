@@ -32,21 +32,23 @@ def misfit(edges: Any, exponent: float, factor: Any) -> float:
 
     An edge is its arrays of log time and log wear.
     """
-    life, deviations = WEAR ** (1.0 / exponent), []
-    time = np.log(
-        life[0]
-        + np.concatenate([[0.0], np.cumsum(2.0 * np.diff(life) / (factor[1:] + factor[:-1]))])
-    )
+    log_curve = np.log(WEAR)
+    # Time to each wear of the curve, at the mean rate of each of its steps.
+    life = WEAR ** (1.0 / exponent)
+    steps = 2.0 * np.diff(life) / (factor[1:] + factor[:-1])
+    time = np.log(life[0] + np.concatenate([[0.0], np.cumsum(steps)]))
+    deviations = []
     for log_time, log_wear in edges:
-        scale = np.mean(np.interp(log_wear, np.log(WEAR), time) - log_time)
+        scale = np.mean(np.interp(log_wear, log_curve, time) - log_time)
         for _ in range(8):  # Gauss-Newton
-            low, at, high = (
-                np.interp(log_time + scale + step, time, np.log(WEAR))
-                for step in (-1e-3, 0.0, 1e-3)
-            )
+            scaled = log_time + scale
+            low = np.interp(scaled - 1e-3, time, log_curve)
+            at = np.interp(scaled, time, log_curve)
+            high = np.interp(scaled + 1e-3, time, log_curve)
             slope = (high - low) / 2e-3
             scale += slope @ (log_wear - at) / max(slope @ slope, 1e-9)
-        deviations.append(log_wear - np.interp(log_time + scale, time, np.log(WEAR)))
+        fitted = np.interp(log_time + scale, time, log_curve)
+        deviations.append(log_wear - fitted)
     return float(np.mean(np.concatenate(deviations) ** 2))
 
 
@@ -64,36 +66,46 @@ def main(path: str) -> None:
     pairs: Any = defaultdict(lambda: defaultdict(list))
     with open(path, encoding="utf-8-sig", newline="") as file:
         for row in csv.DictReader(file):
-            edge = pairs[row["work_material"], row["tool_material"]][
-                tuple(row[name] for name in EDGE)
-            ]
-            edge.append(np.log([float(row["time_min"]), float(row["flank_wear_mm"])]))
-    curves = [
-        [np.array(edge).T for edge in edges.values() if len(edge) > 1] for edges in pairs.values()
-    ]
-    curves = [edges for edges in curves if sum(edge.shape[1] - 1 for edge in edges) > 4]
-    count, free = np.array(
-        [(sum(edge.shape[1] for edge in edges), len(edges) + 2) for edges in curves]
-    ).T
-    plain, more = (2.0 * k * count / (count - k - 1.0) for k in (free, free + 1))
+            edges_of_pair = pairs[row["work_material"], row["tool_material"]]
+            edge = edges_of_pair[tuple(row[name] for name in EDGE)]
+            time = float(row["time_min"])
+            wear = float(row["flank_wear_mm"])
+            edge.append(np.log([time, wear]))
+
+    curves = []
+    counts = []
+    parameters = []
+    for edges_of_pair in pairs.values():
+        edges = [np.array(edge).T for edge in edges_of_pair.values() if len(edge) > 1]
+        readings = sum(edge.shape[1] for edge in edges)
+        if readings - len(edges) > 4:
+            curves.append(edges)
+            counts.append(readings)
+            parameters.append(len(edges) + 2)
     print(f"{len(pairs)} pairs, {len(curves)} of them with readings enough")
+
+    # Akaike's corrected criterion, without and with the size of a phase as a parameter.
+    count = np.array(counts)
+    free = np.array(parameters)
+    plain = 2.0 * free * count / (count - free - 1.0)
+    more_free = free + 1
+    more = 2.0 * more_free * count / (count - more_free - 1.0)
     for name, phase in PHASES.items():
-        deviance = count * np.log(
-            [[max(least(edges, phase(size)), 1e-9) for edges in curves] for size in SIZES]
-        )
-        common, better = deviance.sum(axis=1), deviance.min(axis=0) + more < deviance[0] + plain
-        own = [SIZES[k] for k in deviance.argmin(axis=0)[better]]
+        misfits = []
+        for size in SIZES:
+            misfits.append([max(least(edges, phase(size)), 1e-9) for edges in curves])
+        deviance = count * np.log(misfits)
+        common = deviance.sum(axis=1)
+        better = deviance.min(axis=0) + more < deviance[0] + plain
+        best_sizes = [SIZES[k] for k in deviance.argmin(axis=0)[better]]
         print(
-            f"{name}: better for {better.sum()} pairs, of sizes {own}; "
+            f"{name}: better for {better.sum()} pairs, of sizes {best_sizes}; "
             f"common size {SIZES[common.argmin()]}"
         )
-        print(
-            "  deviance by size:",
-            ", ".join(
-                f"{size}: {value:.1f}"
-                for size, value in zip(SIZES, common - common[0], strict=True)
-            ),
-        )
+        by_size = []
+        for size, value in zip(SIZES, common - common[0], strict=True):
+            by_size.append(f"{size}: {value:.1f}")
+        print("  deviance by size:", ", ".join(by_size))
 
 
 if __name__ == "__main__":

@@ -236,14 +236,26 @@ def _demo(options: argparse.Namespace) -> int:
     # Exit by an exception, so that LinuxCNC is ended, too.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     scenario = Scenario.load(options.scenario)
+    safe_share = safe_feed(scenario)
     comparisons = {}
     for policy in options.policies or _demo_policies():
         print(f"{policy} ...", file=sys.stderr)
-        rows = linuxcnc.run(policy, options.scenario, bars=options.bars, seed=options.seed)
+        rows = linuxcnc.run(
+            policy,
+            options.scenario,
+            bars=options.bars,
+            seed=options.seed,
+        )
+        simulated = linuxcnc.simulated(
+            policy,
+            scenario,
+            bars=options.bars,
+            seed=options.seed,
+        )
         name = Path(policy).stem if policy.endswith(".onnx") else policy
         comparisons[name] = linuxcnc.Comparison(
-            linuxcnc=linuxcnc.figures(rows, safe_feed(scenario)),
-            simulation=linuxcnc.simulated(policy, scenario, bars=options.bars, seed=options.seed),
+            linuxcnc=linuxcnc.figures(rows, safe_share),
+            simulation=simulated,
         )
     print(linuxcnc.table(comparisons))
     return 0

@@ -43,12 +43,14 @@ class Wave:
 
     def __str__(self) -> str:
         """Describe the wave in a few words."""
+        low = f"{self.low:+.2f}"
+        high = f"{self.high:+.2f}"
         if self.share <= 0.0 or self.low == self.high:
-            return f"{self.low:+.2f}"
+            return low
         if self.share >= 1.0:
-            return f"{self.high:+.2f}"
-        levels = f"{self.low:+.2f}/{self.high:+.2f}"
-        return f"{levels} every {self.period:.0f} steps ({100.0 * self.share:.0f} % high)"
+            return high
+        percent = 100.0 * self.share
+        return f"{low}/{high} every {self.period:.0f} steps ({percent:.0f} % high)"
 
 
 @dataclass(frozen=True)
@@ -115,10 +117,16 @@ def drawn(random: np.random.Generator) -> Adversary:
     """Return a random adversary."""
     speed = _drawn_wave(random)
     feed = _drawn_wave(random)
-    reacts = REACTIONS[random.integers(len(REACTIONS))]
+    reaction = random.integers(len(REACTIONS))
     threshold = random.uniform(0.3, 1.1)
-    steps = round(10.0 ** random.uniform(0.0, 2.0))
-    return Adversary(speed=speed, feed=feed, reacts=reacts, threshold=threshold, steps=steps)
+    log_steps = random.uniform(0.0, 2.0)
+    return Adversary(
+        speed=speed,
+        feed=feed,
+        reacts=REACTIONS[reaction],
+        threshold=threshold,
+        steps=round(10.0**log_steps),
+    )
 
 
 def _drawn_wave(random: np.random.Generator) -> Wave:
@@ -127,10 +135,16 @@ def _drawn_wave(random: np.random.Generator) -> Wave:
     if random.random() < 0.5:
         low = -1.0
         high = 1.0
-    period = round(10.0 ** random.uniform(0.3, 2.3))
+    log_period = random.uniform(0.3, 2.3)
     share = random.uniform(0.05, 1.0)
     phase = random.random()
-    return Wave(low=float(low), high=float(high), period=period, share=share, phase=phase)
+    return Wave(
+        low=float(low),
+        high=float(high),
+        period=round(10.0**log_period),
+        share=share,
+        phase=phase,
+    )
 
 
 def varied(adversary: Adversary, random: np.random.Generator) -> Adversary:
@@ -194,13 +208,14 @@ class Adversaries(Policy):
         reactions = [adversary.reacts for adversary in adversaries]
         thresholds = [adversary.threshold for adversary in adversaries]
         steps = [adversary.steps for adversary in adversaries]
+        num_envs = len(adversaries) * episodes
         self._speed = np.repeat(np.array(speeds, WAVE), episodes)
         self._feed = np.repeat(np.array(feeds, WAVE), episodes)
         self._reacts = np.repeat(reactions, episodes)
         self._threshold = np.repeat(thresholds, episodes)
         self._first_steps = np.repeat(steps, episodes)
-        self._step = np.zeros(len(self._reacts))
-        self._in_metal = np.zeros(len(self._reacts))  # [steps]
+        self._step = np.zeros(num_envs)
+        self._in_metal = np.zeros(num_envs)  # [steps]
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
         """Restart the waves of environments."""
@@ -228,11 +243,13 @@ class Adversaries(Policy):
     def _may_be_high(self, reading: Reading) -> NDArray[np.bool_]:
         """Return where the feed may be high."""
         limits = self._scenario.limits
-        load = np.maximum(reading.power / limits.power, reading.thrust_force / limits.thrust_force)
-        early = self._in_metal <= self._first_steps
-        while_light = (self._reacts == "while light") & (load < self._threshold)
-        after_entry = (self._reacts == "after entry") & early
-        later_in_the_bar = (self._reacts == "later in the bar") & ~early
+        power_share = reading.power / limits.power
+        force_share = reading.thrust_force / limits.thrust_force
+        is_light = np.maximum(power_share, force_share) < self._threshold
+        is_early = self._in_metal <= self._first_steps
+        while_light = (self._reacts == "while light") & is_light
+        after_entry = (self._reacts == "after entry") & is_early
+        later_in_the_bar = (self._reacts == "later in the bar") & ~is_early
         always = self._reacts == "none"
         allowed: NDArray[np.bool_] = always | while_light | after_entry | later_in_the_bar
         return allowed

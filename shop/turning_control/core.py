@@ -229,11 +229,16 @@ class Controller:
         power = readings.power
         force = getattr(readings, force_reading(self._scenario))
         power_before, force_before = self._loads_before
-        repeated = readings.cutting and (power == power_before or force == force_before)
+        is_same = power == power_before or force == force_before
         self._loads_before = (power, force)
-        self._repeats = self._repeats + 1 if repeated else 0
-        stuck = max(STUCK_TIME / self._scenario.control.interval, STUCK_INTERVALS)
-        return "sensor stuck" if self._repeats >= stuck else ""
+        if readings.cutting and is_same:
+            self._repeats += 1
+        else:
+            self._repeats = 0
+        intervals = STUCK_TIME / self._scenario.control.interval
+        if self._repeats >= max(intervals, STUCK_INTERVALS):
+            return "sensor stuck"
+        return ""
 
     def _set(self, **values: float) -> None:
         """Set quantities of the only environment's state."""

@@ -508,15 +508,19 @@ def figures(rows: list[dict[str, float]], safe_share: float) -> Figures:
     ``safe_share`` is the safe feed over the highest [-].
     """
     at_feed = [row for row in rows if row["at_feed"]]
-    columns = {name: np.array([row[name] for row in at_feed]) for name in rows[0]}
+    columns = {}
+    for name in rows[0]:
+        columns[name] = np.array([row[name] for row in at_feed])
     seconds = columns["seconds"]
     engaged = columns["engaged_time"]
-    bars = np.unique(columns["bar"][engaged > 0.0])
+    severe = columns["severe_overload_time"]
+    in_metal = engaged > 0.0
+    bars = np.unique(columns["bar"][in_metal])
     is_safe = np.abs(columns["adaptive_feed"] - safe_share) < 1e-6
     return Figures(
         time=seconds.sum() / len(bars),
         mean_power=np.average(columns["power"], weights=engaged),
-        severe=columns["severe_overload_time"].sum() / engaged.sum(),
+        severe=severe.sum() / engaged.sum(),
         edges=1.0 + rows[-1]["edge"],
         safe=np.average(is_safe, weights=seconds),
         delay=np.average(columns["delay"], weights=seconds),

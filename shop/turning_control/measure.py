@@ -58,12 +58,16 @@ def best_agent(env_id: str, agents: Path) -> Path | None:
     It is training seed 0 of the agent with the highest mean return.
     """
     folder = agents / env_id / IDS[env_id]
-    returns = {}
+    candidates = []
     for result in shipped(env_id):
         path = folder / f"{result.name}-seed0.onnx"
         if result.kind == "agent" and path.is_file():
-            returns[path] = result.returns.mean()
-    return max(returns, key=lambda path: (returns[path], path), default=None)
+            mean_return = float(result.returns.mean())
+            candidates.append((mean_return, path))
+    if not candidates:
+        return None
+    _, best = max(candidates)
+    return best
 
 
 def rows(env_ids: list[str], episodes: int, agents: Path, settings: Settings) -> Iterator[Result]:
@@ -77,13 +81,15 @@ def rows(env_ids: list[str], episodes: int, agents: Path, settings: Settings) ->
     """
     for env_id in env_ids:
         scenario = Scenario.load(IDS[env_id])
-        policies = {"uniform random": as_factory(UniformRandom(action_size(scenario)))}
+        uniform = UniformRandom(action_size(scenario))
+        policies = {"uniform random": as_factory(uniform)}
         agent = best_agent(env_id, agents)
         if agent is not None:
             policies[agent.stem] = as_factory(agent)
         for name, make_policy in policies.items():
-            yield _result(env_id, name, scenario, make_policy(episodes), episodes, settings=None)
-            yield _result(env_id, name, scenario, make_policy(episodes), episodes, settings)
+            for guard in (None, settings):
+                policy = make_policy(episodes)
+                yield _result(env_id, name, scenario, policy, episodes, settings=guard)
 
 
 @dataclass(frozen=True)

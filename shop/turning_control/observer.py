@@ -164,18 +164,20 @@ class LoadModel:
 
         The gradient has shape (num_envs, NUM_STATES).
         """
+        law = self.law
         # Far from any reading the estimated depth may fall below 0, where the logarithm ends.
         actual_depth = np.maximum(depth + mean[:, EXCESS], 0.2 * depth)
+        log_hardness = mean[:, BAR] + mean[:, ALL_BARS]
         value = (
-            self.law.depth_of_cut * np.log(actual_depth / depth)
-            + self.law.hardness * (mean[:, BAR] + mean[:, ALL_BARS])
+            law.depth_of_cut * np.log(actual_depth / depth)
+            + law.hardness * log_hardness
             + self._edge_exponent * mean[:, EDGE]
         )
         gradient = np.zeros((len(depth), NUM_STATES))
-        gradient[:, EXCESS] = self.law.depth_of_cut / actual_depth
-        gradient[:, BAR] = self.law.hardness
+        gradient[:, EXCESS] = law.depth_of_cut / actual_depth
+        gradient[:, BAR] = law.hardness
         gradient[:, EDGE] = self._edge_exponent
-        gradient[:, ALL_BARS] = self.law.hardness
+        gradient[:, ALL_BARS] = law.hardness
         return value, gradient
 
 
@@ -241,15 +243,17 @@ class Observer:
 
     def _set_prior(self) -> None:
         work = self._scenario.workpiece
+        depth_length = work.depth_correlation_length
+        hardness_length = work.hardness_correlation_length
         # Noise along a bar blends two normal nodes, one correlation length L apart, with the cosine
         # and sine of (pi / 2) (x / L) (physics/workpiece.py). So its slope has the standard
         # deviation (pi / 2) (spread / L).
-        depth_slope = 0.5 * np.pi * work.depth_along_spread / work.depth_correlation_length
-        hardness_slope = 0.5 * np.pi * work.hardness_along_spread / work.hardness_correlation_length
+        depth_slope = 0.5 * np.pi * work.depth_along_spread / depth_length
+        hardness_slope = 0.5 * np.pi * work.hardness_along_spread / hardness_length
         # Length over which the slope of depth is forgotten [mm].
-        self._slope_length = 0.5 * work.depth_correlation_length
+        self._slope_length = 0.5 * depth_length
         # Variance that the logarithm of hardness gains along the bar [1/mm].
-        self._hardness_drift = hardness_slope**2 * work.hardness_correlation_length
+        self._hardness_drift = hardness_slope**2 * hardness_length
 
         wear_exponent = self._wear_exponent(self._scenario.material.thrust_force)
         sharpness_spread = wear_exponent * self._scenario.tool.wear_factor_spread
@@ -264,11 +268,14 @@ class Observer:
     def _set_drawing(self) -> None:
         work = self._scenario.workpiece
         profile = np.array(work.depth_profile or (work.depth_of_cut,))
-        equal_lengths = (work.bar_length / len(profile),) * len(profile)
+        sections = len(profile)
+        equal_lengths = (work.bar_length / sections,) * sections
         lengths = work.section_lengths or equal_lengths
-        self._starts = np.cumsum([0.0, *lengths])[:-1]  # of sections along the bar [mm]
+        ends = np.cumsum([0.0, *lengths])
+        self._starts = ends[:-1]  # of sections along the bar [mm]
         # A section without any depth has no logarithm.
-        self._profile = np.maximum(profile, 0.01 * profile.max())
+        lowest = 0.01 * profile.max()
+        self._profile = np.maximum(profile, lowest)
 
     def reset(self, mask: Mask) -> None:
         """Forget everything about the environments in a mask."""
@@ -418,10 +425,12 @@ class Observer:
         work = self._scenario.workpiece
         stays_in_metal = reading.cutting & self._in_metal
         if place is not None:
-            return stays_in_metal & (place < self._place - 0.5 * work.bar_length)
-        missing = self._scenario.control.interval - engaged
+            is_far_back = place < self._place - 0.5 * work.bar_length
+            return stays_in_metal & is_far_back
         near_end = self._place + moved > NEAR_END * work.bar_length
-        return stays_in_metal & near_end & (missing > 0.5 * work.approach / self._velocity)
+        missing = self._scenario.control.interval - engaged
+        half_gap = 0.5 * work.approach / self._velocity  # [s]
+        return stays_in_metal & near_end & (missing > half_gap)
 
     def _moved_to(self, reading: Reading, moved: Values, passed_gap: Mask) -> Values:
         """Return the tool position along the bar [mm] after a distance in metal [mm]."""
@@ -448,11 +457,12 @@ class Observer:
         covariance = step @ estimate.covariance @ step.transpose(0, 2, 1)
 
         # The slope's new part grows along the way, and the excess integrates it.
-        new = self._prior[SLOPE, SLOPE] * (1.0 - keep**2)
-        covariance[:, EXCESS, EXCESS] += new * moved**2 / 3.0
-        covariance[:, EXCESS, SLOPE] += new * moved / 2.0
-        covariance[:, SLOPE, EXCESS] += new * moved / 2.0
-        covariance[:, SLOPE, SLOPE] += new
+        slope_variance = self._prior[SLOPE, SLOPE] * (1.0 - keep**2)
+        both = slope_variance * moved / 2.0
+        covariance[:, EXCESS, EXCESS] += slope_variance * moved**2 / 3.0
+        covariance[:, EXCESS, SLOPE] += both
+        covariance[:, SLOPE, EXCESS] += both
+        covariance[:, SLOPE, SLOPE] += slope_variance
         covariance[:, BAR, BAR] += self._hardness_drift * moved
         covariance[:, EDGE, EDGE] += EDGE_DRIFT**2 * moved
         return Estimate(mean, covariance)
@@ -464,11 +474,12 @@ class Observer:
         mean = self._estimate.mean
         covariance = self._estimate.covariance
         expected, gradient = load.response(mean, depth)
+        surprise = measured - expected
         shared = np.einsum("nij,nj->ni", covariance, gradient)
         total = np.einsum("ni,ni->n", shared, gradient) + variance
         gain = np.where(readable[:, None], shared / total[:, None], 0.0)
         self._estimate = Estimate(
-            mean=mean + gain * (measured - expected)[:, None],
+            mean=mean + gain * surprise[:, None],
             covariance=covariance - gain[:, :, None] * shared[:, None, :],
         )
 
@@ -551,11 +562,13 @@ class Observer:
         """Return a load over nominal that commands must bear at a nominal depth [mm]."""
         expected, gradient = load.response(estimate.mean, depth)
         variance = np.einsum("ni,nij,nj->n", gradient, estimate.covariance, gradient)
-        margin = np.where(self._readings < FIRST_READINGS, FIRST_MARGIN, MARGIN)
+        has_few_readings = self._readings < FIRST_READINGS
+        margin = np.where(has_few_readings, FIRST_MARGIN, MARGIN)
         margin = np.where(unknown, ENTRY_MARGIN, margin)
         with_margin = expected + margin * np.sqrt(variance)
         with_margin -= np.log1p(self._scenario.limits.overload_tolerance)
-        load_to_bear: Values = np.exp(np.maximum(expected - np.log(target), with_margin))
+        at_target = expected - np.log(target)
+        load_to_bear: Values = np.exp(np.maximum(at_target, with_margin))
         return load_to_bear
 
     def feeds(self, speed: Values) -> ByLoad:
@@ -588,13 +601,15 @@ class Observer:
         """
         law = self._scenario.material.wear
         exponent = law.time
+        inverse = 1.0 / exponent
         per_minute = law(speed, self._wearing_feed, self._scenario.workpiece.depth_of_cut)
         minutes = self._horizon / 60.0
-        added = per_minute ** (1.0 / exponent) * minutes
-        wear: Values = (self._wear ** (1.0 / exponent) + added) ** exponent
+        added = per_minute**inverse * minutes
+        wear: Values = (self._wear**inverse + added) ** exponent
         if self._scenario.tool.wear_rule == "clock_time":
             # Under this rule, the edge wears as if it had always cut like this.
-            as_always = per_minute * (self._cutting_time + minutes) ** exponent
+            cutting_time = self._cutting_time + minutes
+            as_always = per_minute * cutting_time**exponent
             wear = np.maximum(wear, as_always)
         return wear
 
@@ -616,9 +631,10 @@ class Observer:
         if free:
             changes = np.linspace(-SPEED_CHANGE, SPEED_CHANGE, NUM_CHANGES)
         # The first of equal speeds is chosen, so the smallest change comes first.
-        changes = changes[np.argsort(np.abs(changes), kind="stable")]
+        order = np.argsort(np.abs(changes), kind="stable")
+        factors = np.exp(changes[order])
         speeds = np.clip(
-            asked * np.exp(changes)[:, None],
+            asked * factors[:, None],
             machine.cutting_speed_min,
             self._scenario.cutting_speed_max,
         )
@@ -628,8 +644,13 @@ class Observer:
         fits = feeds >= machine.feed_min
         removal = speeds * np.where(fits, feeds, 1e-6 * feeds)
         enough = removal >= asked * feed
-        chosen = np.where(enough.any(axis=0), enough.argmax(axis=0), removal.argmax(axis=0))
-        hopeless = self._known & (feeds < machine.feed_min).all(axis=0)
+        chosen = np.where(
+            enough.any(axis=0),
+            enough.argmax(axis=0),
+            removal.argmax(axis=0),
+        )
+        none_fits = (feeds < machine.feed_min).all(axis=0)
+        hopeless = self._known & none_fits
         return speeds[chosen, np.arange(len(asked))], hopeless
 
     def entry_speed(self, asked: Values, commanded: Values, free: bool) -> tuple[Values, Mask]:
@@ -700,14 +721,18 @@ class Observer:
         tolerated = 1.0 + limits.overload_tolerance
         idle = idle_power_at(scenario, reading.cutting_speed)
         power_limit = limits.power * capacity_at(scenario, reading.cutting_speed)
+        # The loads without the noise that may have raised the readings.
         certain_power = reading.power * math.exp(-CERTAIN * self._power.noise)
         certain_force = reading.thrust_force * math.exp(-CERTAIN * self._force.noise)
 
-        power_share = (certain_power - idle) / np.maximum(tolerated * power_limit - idle, 1e-6)
-        force_share = certain_force / (tolerated * limits.thrust_force)
+        max_cut_power = np.maximum(tolerated * power_limit - idle, 1e-6)
+        max_force = tolerated * limits.thrust_force
+        power_share = (certain_power - idle) / max_cut_power
+        force_share = certain_force / max_force
         by_power = proven_bound(reading, power_share, self._power.law)
         by_force = proven_bound(reading, force_share, self._force.law)
-        return np.minimum(by_power, by_force), reading.cutting & (power_share > 1.0)
+        power_is_over = reading.cutting & (power_share > 1.0)
+        return np.minimum(by_power, by_force), power_is_over
 
 
 def proven_bound(reading: Reading, share: Values, law: PowerLaw) -> Values:

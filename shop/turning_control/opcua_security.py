@@ -177,12 +177,20 @@ def chosen(offers: Sequence[Offer], given: Security) -> Offer:
     """Return the safest offer that fits what is given, or raise UserError with the offers."""
 
     def safety(offer: Offer) -> tuple[int, int]:
-        return MODES.index(offer.mode), POLICIES.index(offer.policy)
+        mode = MODES.index(offer.mode)
+        policy = POLICIES.index(offer.policy)
+        return mode, policy
 
-    fitting = [offer for offer in offers if _why_not(offer, given) is None]
+    fitting = []
+    reasons = []
+    for offer in offers:
+        reason = _why_not(offer, given)
+        if reason is None:
+            fitting.append(offer)
+        else:
+            reasons.append(f"{offer}: {reason}")
     if fitting:
         return max(fitting, key=safety)
-    reasons = [f"{offer}: {_why_not(offer, given)}" for offer in offers]
     listed = "; ".join(reasons) or "nothing that this program knows"
     raise UserError(f"no offer of the server fits what is given; it offers {listed}")
 
@@ -195,8 +203,11 @@ def _why_not(offer: Offer, given: Security) -> str | None:
         return f"--security-mode is {given.mode}"
     if offer.policy in OBSOLETE and given.policy is None:
         return "is obsolete; name it by --security-policy to use it in spite of this"
-    reasons = (_why_not_protected(offer, given), _why_not_user(offer, given))
-    return ", ".join(reason for reason in reasons if reason) or None
+    reasons = []
+    for reason in (_why_not_protected(offer, given), _why_not_user(offer, given)):
+        if reason:
+            reasons.append(reason)
+    return ", ".join(reasons) or None
 
 
 def _why_not_protected(offer: Offer, given: Security) -> str | None:

@@ -133,14 +133,17 @@ class Shield(Policy):
         try:
             answer = np.asarray(self._policy.act(observations))
         except Exception as error:  # a policy may fail in any way
-            return _refused(shape, "error", problem=f"it failed: {type(error).__name__}: {error}")
+            problem = f"it failed: {type(error).__name__}: {error}"
+            return _refused(shape, "error", problem=problem)
         seconds = time.perf_counter() - start
 
         deadline = self._settings.deadline
         if deadline is not None and seconds > deadline:
-            problem = f"it answered after {1000.0 * seconds:.0f} ms"
+            milliseconds = 1000.0 * seconds
+            problem = f"it answered after {milliseconds:.0f} ms"
             return _refused(shape, "late", problem=problem)
-        if answer.shape != shape or answer.dtype.kind not in "fiu":
+        is_number = answer.dtype.kind in "fiu"
+        if answer.shape != shape or not is_number:
             problem = f"its answer has type {answer.dtype} and shape {answer.shape}, not {shape}"
             return _refused(shape, "shape", problem=problem)
 
@@ -148,7 +151,8 @@ class Shield(Policy):
         finite = np.asarray(np.isfinite(answer).all(axis=1))
         actions = np.where(finite[:, None], answer, 0.0)
         actions = np.clip(actions, -1.0, 1.0).astype(np.float32)
-        return actions, np.where(finite, "", "not finite")
+        reasons = np.where(finite, "", "not finite")
+        return actions, reasons
 
     def _take_over(self, where: NDArray[np.bool_], reason: str) -> None:
         for env_index in np.flatnonzero(where & ~self.takeover):

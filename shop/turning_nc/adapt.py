@@ -173,20 +173,25 @@ class _Planner:
         """Return the plan with edges that are changed at a wear at the latest [mm]."""
         situation = self._situation
         before = self.before
-        search = WordSearch(situation, words, wear=np.minimum(self._latest_wear, wear))
+        latest_wear = np.minimum(self._latest_wear, wear)
+        search = WordSearch(situation, words, wear=latest_wear)
 
         # An edge that is changed earlier does fewer parts, so a part must use less of its life.
         life_ratio = search.before.life_at_change / before.life_at_change
         values = search.within_life(self._life * LIFE_MARGIN * life_ratio)
         played = play(
-            situation, search.wear, feed=search.feeds(values), speed=search.speeds(values)
+            situation,
+            search.wear,
+            feed=search.feeds(values),
+            speed=search.speeds(values),
         )
-        excess = max(float(played.load.max()) - 1.0, 0.0)
+        overload = float(played.load.max()) - 1.0
+        excess = max(overload, 0.0)
         if before.load.max() <= 1.0:  # otherwise the overload is removed at any price
             for is_tool in situation.by_tool.values():
                 used = _used_edges(played, is_tool)
-                allowed = _used_edges(before, is_tool)
-                excess += max(float(used - self._life * allowed), 0.0)
+                allowed = self._life * _used_edges(before, is_tool)
+                excess += max(float(used - allowed), 0.0)
         time = float(played.time.sum())
         self.progress.update()
         return _Plan(wear, time, excess=excess, search=search, values=values)

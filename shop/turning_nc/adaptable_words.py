@@ -189,7 +189,10 @@ class AdaptableWords:
 
         for contour in contours:
             cuts = [number for number in contour if self._cuts[number]]
-            speeds = {(moves[number].speed.value, moves[number].speed.scale) for number in cuts}
+            speeds = set()
+            for number in cuts:
+                speed = moves[number].speed
+                speeds.add((speed.value, speed.scale))
             words = np.unique(self._speed_of_move[cuts]).tolist()
             if len(speeds) > 1 or NO_WORD in words:
                 self._contrary.update(words)
@@ -197,7 +200,8 @@ class AdaptableWords:
             for word in words[1:]:
                 low, high = sorted((first(words[0]), first(word)))
                 tied_to[high] = low
-        return np.array([first(word) for word in range(len(self.words))], np.int64)
+        firsts = [first(word) for word in range(len(self.words))]
+        return np.array(firsts, np.int64)
 
     def _programmed_ranges(self) -> list[_Range]:
         """Return the programmed values of each word, and of those that are tied to it."""
@@ -221,12 +225,14 @@ class AdaptableWords:
         """Return the words that would change by less than ``MIN_CHANGE``, and by how much [-]."""
         small = {}
         for word in self.slices_of_feed.keys() | self.slices_of_speed.keys():
+            if word in self.given_feeds:
+                continue
             low, high = self._programmed[word]
             number = float(self._number_text(word, values[word])) * self.scales[word]
             rise = number / low - 1.0
             fall = number / high - 1.0
-            is_small = max(rise, -fall) < MIN_CHANGE
-            if word not in self.given_feeds and is_small and max(rise, -fall) > SAME_VALUE:
+            change = max(rise, -fall)
+            if SAME_VALUE < change < MIN_CHANGE:
                 small[word] = rise
         return small
 
@@ -251,9 +257,11 @@ class AdaptableWords:
         """
         if word in self.given_feeds:
             return feed
-        step = self.scales[word] * 10.0 ** -self._decimals(word)
+        decimals = self._decimals(word)
+        step = self.scales[word] * 10.0**-decimals
+        min_feed = self._situation.min_feed
         steps = math.floor(feed / step + 1e-9)
-        min_steps = math.ceil(self._situation.min_feed / step - 1e-9)
+        min_steps = math.ceil(min_feed / step - 1e-9)
         return max(steps, min_steps) * step
 
     def _decimals(self, word: int) -> int:
@@ -409,8 +417,9 @@ def _grouped(words: Indices) -> Mapping[int, Indices]:
     """Return the slices of every word."""
     order = np.argsort(words, kind="stable")
     distinct, starts = np.unique(words[order], return_index=True)
+    slices_of_words = np.split(order, starts[1:])
     groups = {}
-    for word, slices in zip(distinct.tolist(), np.split(order, starts[1:]), strict=True):
+    for word, slices in zip(distinct.tolist(), slices_of_words, strict=True):
         if word != NO_WORD:
             groups[word] = slices
     return groups

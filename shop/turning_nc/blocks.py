@@ -250,9 +250,8 @@ def dwell_word(control: Control, line: Line) -> Word | None:
     It is the first after G4 that can, else the last before it.
     """
     addresses = {"X", "U", "P"} if control.fanuc else {"F", "S"}
-    place = next(
-        index for index, word in enumerate(line.words) if word.address == "G" and word.value == 4.0
-    )
+    is_dwell = [word.address == "G" and word.value == 4.0 for word in line.words]
+    place = is_dwell.index(True)
     before = line.words[:place]
     behind = line.words[place:]
     for word in (*behind, *reversed(before)):
@@ -287,7 +286,8 @@ def dwell_time(control: Control, word: Word | None) -> float:
     On a Fanuc, P is in ms, and X and U are in s; on a SINUMERIK, F is in s, and S in revolutions.
     """
     if word is None or word.value is None:
-        raise BlockError(f"G4 needs its time: {'X, U or P' if control.fanuc else 'F or S'}")
+        addresses = "X, U or P" if control.fanuc else "F or S"
+        raise BlockError(f"G4 needs its time: {addresses}")
     seconds = word.value
     # P is always whole ms, X and U only if numbers without a point count steps.
     is_in_ms = word.is_whole and (word.address == "P" or control.steps)

@@ -51,10 +51,12 @@ def _returns(paths: list[Path]) -> bool:
     here = paths[-1].start
     end = paths[-1].end
     begin = paths[1].start
+    back_z = end.z - here.z
+    back_x = end.x - here.x
+    way_z = here.z - begin.z
+    way_x = here.x - begin.x
     # The scalar product of the way back and of the way from the contour's begin.
-    product_z = (end.z - here.z) * (here.z - begin.z)
-    product_x = (end.x - here.x) * (here.x - begin.x)
-    return product_z + product_x < 0.0
+    return back_z * way_z + back_x * way_x < 0.0
 
 
 def radius_per_x(control: Control) -> float:

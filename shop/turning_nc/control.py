@@ -155,8 +155,12 @@ class Control(Modal, ABC):
         self.note(f"{what} are not in the program: Z{HOME.z:g} X{2 * HOME.x:g} is taken")
         along_z = line.first("Z", "W") is not None
         along_x = line.first("X", "U") is not None
-        z = self.z if along_x and not along_z else HOME.z
-        x = self.x if along_z and not along_x else HOME.x
+        z = HOME.z
+        x = HOME.x
+        if along_x and not along_z:
+            z = self.z
+        elif along_z and not along_x:
+            x = self.x
         self.go_rapidly(Point(z, x))
 
     @contextlib.contextmanager

@@ -190,7 +190,9 @@ def motion(situation: Situation, feed: Values, speed: Values) -> Motion:
     around = 2.0 * math.pi * np.maximum(slices.radius, MIN_RADIUS) / 1000.0  # [m/rev]
     turning = np.maximum(spindle_speed(s, speed), MIN_SPINDLE_SPEED)
     turns = np.where(s.fed, turning, 0.0)
-    per_turn = np.where(s.per_revolution, feed, feed / np.where(s.fed, turns, 1.0))
+    # Rapid moves have no turns; a 1 in their place keeps the quotient defined.
+    per_turn_of_time = feed / np.where(s.fed, turns, 1.0)
+    per_turn = np.where(s.per_revolution, feed, per_turn_of_time)
     velocity = np.where(s.fed, per_turn * turns, 1.0)  # [mm/min]
     feed_time = np.where(s.fed, 60.0 * slices.length / velocity, 0.0)
     return Motion(
@@ -213,7 +215,8 @@ def spindle_speed(situation: Situation, speed: Values, slices: Any = slice(None)
         speed: speeds of the slices as programmed; the last axis is that of the slices.
         slices: indices of the slices; by default all.
     """
-    min_turn = 1.0 / situation.max_spindle[slices]  # time of a turn [min]
+    max_speed = situation.max_spindle[slices]
+    min_turn = 1.0 / max_speed  # time of a turn [min]
     per_radius = 2.0 * math.pi / (1000.0 * np.maximum(speed, 1e-9))  # [min/mm]
     start = situation.removal.slices.start[slices, 1]
     end = situation.removal.slices.end[slices, 1]
@@ -221,18 +224,20 @@ def spindle_speed(situation: Situation, speed: Values, slices: Any = slice(None)
 
     def integral(radius: Values) -> Values:
         """Return the time of a turn, integrated from the axis to a radius [min mm]."""
-        beyond = np.maximum(abs(radius), knee)
-        at_limit = min_turn * np.minimum(abs(radius), knee)
+        distance = abs(radius)
+        beyond = np.maximum(distance, knee)
+        at_limit = min_turn * np.minimum(distance, knee)
         total = at_limit + 0.5 * per_radius * (beyond**2 - knee**2)
         return np.asarray(np.sign(radius) * total)
 
     across = end - start
     is_small = abs(across) < MIN_ACROSS
-    middle = np.maximum(per_radius * 0.5 * abs(start + end), min_turn)
-    mean_across = (integral(end) - integral(start)) / np.where(is_small, 1.0, across)
-    mean = np.where(is_small, middle, mean_across)
+    in_middle = np.maximum(per_radius * 0.5 * abs(start + end), min_turn)
+    divisor = np.where(is_small, 1.0, across)
+    mean_across = (integral(end) - integral(start)) / divisor
+    mean = np.where(is_small, in_middle, mean_across)
     turns = np.where(situation.constant_speed[slices], 1.0 / mean, speed)
-    return np.asarray(np.minimum(turns, situation.max_spindle[slices]))
+    return np.asarray(np.minimum(turns, max_speed))
 
 
 def play(

@@ -131,7 +131,9 @@ def _contour_lines(control: Control, block: Block, code: int) -> ContourLines:
     first = places.block(names.first, behind)
     if first is None and code == 70:
         first = places.block(names.first, before)
-    last = None if first is None else places.block(names.last, places.lines[first:])
+    last = None
+    if first is not None:
+        last = places.block(names.last, places.lines[first:])
     if first is None or last is None:
         raise BlockError(
             f"the contour from N{names.first:g} to N{names.last:g} is not in the program"
@@ -308,15 +310,17 @@ def _peck(control: Control, line: Line, code: int) -> None:
     if not line.first("X", "Z", "U", "W"):
         control.cycle.pecking = control.length(line.first("R"), steps=True)
         return
-    along_x = abs(_length_or_steps(control, line.first("P", "I"), of_steps="P"))
-    along_z = abs(_length_or_steps(control, line.first("Q", "K"), of_steps="Q"))
+    length_x = abs(_length_or_steps(control, line.first("P", "I"), of_steps="P"))
+    length_z = abs(_length_or_steps(control, line.first("Q", "K"), of_steps="Q"))
+    along_x = code == 75
     cycle = Pecking(
-        along_x=code == 75,
-        peck=along_x if code == 75 else along_z,
-        across=along_z if code == 75 else along_x,
+        along_x=along_x,
+        peck=length_x if along_x else length_z,
+        across=length_z if along_x else length_x,
         back=control.cycle.pecking,
     )
-    add_passes(control, pecked(control.here, control.target(line), cycle))
+    target = control.target(line)
+    add_passes(control, pecked(control.here, target, cycle))
 
 
 def _length_or_steps(control: Control, word: Word | None, of_steps: str) -> float:
@@ -361,9 +365,13 @@ def run_box(control: Control, code: int, line: Line) -> None:
     target = control.target(line)
     z = target.z if line.first("Z", "W") else before.end.z
     x = target.x if line.first("X", "U") else before.end.x
+    taper = before.taper
     taper_word = line.first("R")
-    taper = control.length(taper_word) if taper_word else before.taper
+    if taper_word:
+        taper = control.length(taper_word)
     control.cycle.box = Box(Point(z, x), taper)
+
+    is_thread = code == 92
     end = Stop(Point(z, x), rapid=False)
     if code == 94:
         first = Stop(Point(z + taper, start.x), rapid=True)
@@ -371,8 +379,7 @@ def run_box(control: Control, code: int, line: Line) -> None:
     else:
         first = Stop(Point(start.z, x + taper), rapid=True)
         # G92 leaves its thread rapidly, G90 its cylinder at feed.
-        third = Stop(Point(z, start.x), rapid=code == 92)
-    is_thread = code == 92
+        third = Stop(Point(z, start.x), rapid=is_thread)
     kind: Kind = "thread" if is_thread else "feed"
     with _feed_of(control, is_thread):
         box = list(joined(start, first, end, third, Stop(start, rapid=True)))

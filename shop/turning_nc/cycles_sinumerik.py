@@ -139,21 +139,35 @@ def _start(contour: Sequence[Path], removal: StockRemoval) -> Point:
     head = contour[0].start
     end = contour[-1].end
     away = removal.retraction
-    allowance = removal.allowance
     side = 1.0 if removal.machining == "outside" else -1.0
-    points = [head, *(path.end for path in contour)]
+    points = [head]
+    for path in contour:
+        points.append(path.end)
     if removal.blank is not None:
         points.append(removal.blank)
+    all_z = [point.z for point in points]
+    all_x = [point.x for point in points]
+
     if removal.facing:
-        beyond = max if end.x <= head.x else min
-        corner = Point(max(point.z for point in points), beyond(point.x for point in points))
-        before = away if end.x <= head.x else -away
-        return shifted(shifted(corner, allowance), Point(away, before))
-    farthest = max(points, key=lambda point: side * point.x)
-    beyond = max if end.z <= head.z else min
-    corner = Point(beyond(point.z for point in points), farthest.x)
-    before = away if end.z <= head.z else -away
-    return shifted(shifted(corner, allowance), Point(before, side * away))
+        z = max(all_z)
+        distance_z = away
+        if end.x <= head.x:
+            x = max(all_x)
+            distance_x = away
+        else:
+            x = min(all_x)
+            distance_x = -away
+    else:
+        x = side * max(side * point_x for point_x in all_x)
+        distance_x = side * away
+        if end.z <= head.z:
+            z = max(all_z)
+            distance_z = away
+        else:
+            z = min(all_z)
+            distance_z = -away
+    corner = shifted(Point(z, x), removal.allowance)
+    return shifted(corner, Point(distance_z, distance_x))
 
 
 class RoughingCall:
@@ -267,12 +281,13 @@ def run_cycle95(control: Control, arguments: Sequence[Argument], part: str) -> N
 
 def _contour_lines(control: Control, name: str, part: str) -> ContourLines:
     """Return the lines of a contour: those from a label to another, or a sub-program."""
-    if ":" in name:
-        labels = [label.strip() for label in name.upper().split(":")]
-        if len(labels) != 2:
-            raise BlockError(f"the contour {name!r} must be a sub-program or two labels")
-        return labelled_lines(control, labels[0], labels[1], part=part)
-    return lines_of_sub_program(control, name)
+    if ":" not in name:
+        return lines_of_sub_program(control, name)
+    labels = [label.strip() for label in name.upper().split(":")]
+    if len(labels) != 2:
+        raise BlockError(f"the contour {name!r} must be a sub-program or two labels")
+    first, last = labels
+    return labelled_lines(control, first, last, part=part)
 
 
 def labelled_lines(control: Control, first: str, last: str, part: str) -> ContourLines:
@@ -382,16 +397,19 @@ class ThreadCall:
         end = self.last + along * self.run_out
 
         # The tool runs in and out along the cone of the crests.
-        slope = 0.5 * (self.last_diameter - self.first_diameter) / (self.last - self.first)
-        first_crest = 0.5 * self.first_diameter + slope * (begin - self.first)
-        last_crest = 0.5 * self.first_diameter + slope * (end - self.first)
+        rise = 0.5 * (self.last_diameter - self.first_diameter)
+        slope = rise / (self.last - self.first)
+        first_radius = 0.5 * self.first_diameter
+        first_crest = first_radius + slope * (begin - self.first)
+        last_crest = first_radius + slope * (end - self.first)
         highest = max(outwards * first_crest, outwards * last_crest)
         clear = outwards * highest + outwards * self.clearance
+        to_root = outwards * self.height
         return Thread(
             start=Point(scale * begin, scale * clear),
             end=scale * end,
-            first_root=scale * (first_crest - outwards * self.height),
-            last_root=scale * (last_crest - outwards * self.height),
+            first_root=scale * (first_crest - to_root),
+            last_root=scale * (last_crest - to_root),
             height=scale * self.height,
             angle=abs(self.angle),
         )

@@ -415,10 +415,13 @@ def foreign_sign(text: str) -> Sign | None:
     plain = _COMMENT.sub("", with_line_feeds(text).upper())
     for control in FOREIGN:
         match = control.first_sign(plain)
-        if match is not None:
-            line = plain.count("\n", 0, match.start()) + 1
-            word = " ".join(match[0].split())[:MAX_SIGN]
-            return Sign(control, f"line {line}: {word!r} is a word of {control.name}")
+        if match is None:
+            continue
+        lines_before = plain.count("\n", 0, match.start())
+        word = " ".join(match[0].split())
+        shown = word[:MAX_SIGN]
+        reason = f"line {lines_before + 1}: {shown!r} is a word of {control.name}"
+        return Sign(control, reason)
     return None
 
 

@@ -91,17 +91,20 @@ def outside(situation: Situation, played: Play) -> dict[str, NDArray[np.bool_]]:
     in metal do not count.
     """
     on = situation.engaged
+    line = situation.line
     evidence = situation.evidence or Evidence()
-    time_of_line = np.bincount(situation.line, played.time * on)
+    time_of_line = np.bincount(line, played.time * on)
+    time_of_line = np.maximum(time_of_line, 1e-9)
+    values = factors(situation, played)
     marks = {}
-    for name, measured, is_outside in prediction.outside(evidence, factors(situation, played)):
+    for name, measured, is_outside in prediction.outside(evidence, values):
         mark = np.zeros(len(on), np.bool_)
         mark[on] = is_outside
-        marked_time = np.bincount(situation.line, played.time * mark)
-        share = marked_time / np.maximum(time_of_line, 1e-9)
-        is_brief = share <= MAX_BRIEF
-        text = f"{name.replace('_', ' ')} outside the {evidence.range_name} {measured}"
-        marks[text] = mark & ~is_brief[situation.line]
+        marked_time = np.bincount(line, played.time * mark)
+        is_brief = marked_time / time_of_line <= MAX_BRIEF
+        factor = name.replace("_", " ")
+        text = f"{factor} outside the {evidence.range_name} {measured}"
+        marks[text] = mark & ~is_brief[line]
     return marks
 
 

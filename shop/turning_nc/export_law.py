@@ -47,14 +47,19 @@ Options = argparse.Namespace
 @exits(KeyError, ValueError, interrupted="interrupted: nothing was written")
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit status."""
-    arguments = sys.argv[1:] if arguments is None else arguments
+    if arguments is None:
+        arguments = sys.argv[1:]
     options = _parser().parse_args(arguments)
     options.command = f"{PROGRAM} {shlex.join(arguments)}"
     if options.tuning_seed < 0:
         raise NcError(f"--tuning-seed is {options.tuning_seed}, but must be 0 or more")
-    options.seed = tuning_seeds(options.tuning_seed + 1)[-1]
+    seeds = tuning_seeds(options.tuning_seed + 1)
+    options.seed = seeds[-1]
     summary: dict[str, Any] = options.run(options)
-    print(json.dumps(summary) if options.json else _lines(summary))
+    if options.json:
+        print(json.dumps(summary))
+    else:
+        print(_lines(summary))
     return 0
 
 

@@ -35,23 +35,28 @@ class Finishing:
         deep_length = np.where(is_deep, self._length, 0.0)
         length_of_move = np.bincount(slices.move, self._length, minlength=count)
         deep_of_move = np.bincount(slices.move, deep_length, minlength=count)
-        has_groover = {tool: "groove" in kind for tool, kind in situation.removal.tools.items()}
-        grooves = np.array([has_groover.get(move.tool, False) for move in moves])
-        finishes = grooves | (deep_of_move <= 0.5 * length_of_move)
         in_metal = length_of_move > 0.0
+
+        kinds = situation.removal.tools
+        is_groover = ["groove" in kinds.get(move.tool, "") for move in moves]
+        grooves = np.array(is_groover)
+        finishes = grooves | (deep_of_move <= 0.5 * length_of_move)
 
         self.contours: list[range] = []
         is_within = np.zeros(count, np.bool_)  # whether a move is one of a chain that finishes
         for chain in _chains(moves):
             part = slice(chain.start, chain.stop)
-            is_shallow = deep_of_move[part].sum() <= 0.5 * length_of_move[part].sum()
+            chain_length = length_of_move[part].sum()
+            is_shallow = deep_of_move[part].sum() <= 0.5 * chain_length
             chain_finishes = grooves[chain.start] or is_shallow
             is_within[part] = chain_finishes
             counts = in_metal[part] & (finishes[part] | chain_finishes)
             cuts = (chain.start + np.flatnonzero(counts)).tolist()
             if cuts:
-                self.contours.append(range(cuts[0], cuts[-1] + 1))
-        self._roughs = is_deep & ~(is_within | grooves)[slices.move]
+                contour = range(cuts[0], cuts[-1] + 1)
+                self.contours.append(contour)
+        may_be_deep = is_within | grooves
+        self._roughs = is_deep & ~may_be_deep[slices.move]
         self._grooves = situation.engaged & grooves[slices.move]
 
     def is_finishing(self, slices: NDArray[np.int64]) -> bool:

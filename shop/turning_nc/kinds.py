@@ -131,9 +131,11 @@ class ToolUse:
     def has_hole(self, stock: Any) -> bool:
         """Return whether a stock has a hole where the tool cuts."""
         low = min(self.places)
-        high = min(max(self.places), float(stock.bounds[2]))
+        stock_end = float(stock.bounds[2])
+        high = min(max(self.places), stock_end)
+        high = max(high, low + MARGIN)
         radius = self.nearest if self.along else min(self.radii)
-        core = shapely.box(low - MARGIN, 0.0, max(high, low + MARGIN), 0.5 * radius)
+        core = shapely.box(low - MARGIN, 0.0, high, 0.5 * radius)
         metal = shapely.intersection(stock, core)
         return bool(metal.area < SOLID * core.area)
 

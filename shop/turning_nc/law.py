@@ -281,16 +281,21 @@ def _pieces(function: Callable[[float], float], low: float, high: float) -> list
     # A cubic through the four Chebyshev nodes is close to the best one.
     middle = 0.5 * (low + high)
     half = 0.5 * (high - low)
-    nodes = middle - half * np.cos(np.pi * (np.arange(4) + 0.5) / 4)
+    angles = np.pi * (np.arange(4) + 0.5) / 4
+    nodes = middle - half * np.cos(angles)
     values = [function(node) for node in nodes]
     fit = FittedPolynomial.fit(nodes, values, 3, domain=[low, high])
-    if not _is_close(fit, function, np.linspace(low, high, CHECKED_LOADS)):
+    checked_loads = np.linspace(low, high, CHECKED_LOADS)
+    if not _is_close(fit, function, checked_loads):
         middle = round(middle, DECIMALS)
-        return _pieces(function, low, middle) + _pieces(function, middle, high)
+        lower = _pieces(function, low, middle)
+        upper = _pieces(function, middle, high)
+        return lower + upper
     coefficients = fit.convert().coef.tolist()
     coefficients += [0.0] * (4 - len(coefficients))
     lowest, highest = sorted((function(low), function(high)))
-    return [_Piece(low, high, polynomial=Polynomial(lowest, highest, *coefficients))]
+    polynomial = Polynomial(lowest, highest, *coefficients)
+    return [_Piece(low, high, polynomial=polynomial)]
 
 
 def _is_close(

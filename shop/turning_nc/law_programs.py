@@ -116,21 +116,25 @@ def _fuzzy(part: PartProgram, parameters: Parameters) -> Law:
     sharpness = 10.0 / max(1.0 - target, MIN_HEADROOM)
     limits = _limits(part)
     middle = round(100.0 * target, DECIMALS)
+    middle_text = number_text(middle)
 
     # Equations (1), (3) and (5) of the fuzzy override paper go by a share W towards the highest
     # override: W = k exp(-5 (load / target)^2).
     def below(load: float) -> float:
-        return gain_below * math.exp(-5.0 * (0.01 * load / target) ** 2)
+        ratio = 0.01 * load / target
+        return gain_below * math.exp(-5.0 * ratio**2)
 
     # Equations (2), (4), (6) and (7) go by a share 1 - W towards d: 1 - W = p - p exp(...).
     def above(load: float) -> float:
-        return gain_above - gain_above * math.exp(-sharpness * (0.01 * load - target) ** 2)
+        distance = 0.01 * load - target
+        return gain_above - gain_above * math.exp(-sharpness * distance**2)
 
     writer = LawWriter()
     writer.table(below, 0.0, last=middle, beyond=False)
     writer.table(above, middle, last=MAX_LOAD, beyond=True)
-    _towards_end(writer, 100.0 * part.override_max, f"{LOAD}<{number_text(middle)}")
-    _towards_end(writer, 100.0 * parameters["d"], f"{LOAD}>={number_text(middle)}")
+    highest = 100.0 * part.override_max
+    _towards_end(writer, highest, f"{LOAD}<{middle_text}")
+    _towards_end(writer, 100.0 * parameters["d"], f"{LOAD}>={middle_text}")
     return writer.law(limits)
 
 

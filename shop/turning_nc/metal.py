@@ -74,11 +74,13 @@ class Metal:
         # A box is apart if it lies beyond one of the polygon's edges with all its corners
         # (separating axes).
         corners = shapely.get_coordinates(area)
-        edges = corners[1:] - corners[:-1]
+        starts = corners[:-1]
+        edges = corners[1:] - starts
         outwards = np.array((edges[:, 1], -edges[:, 0]))
-        if not shapely.is_ccw(shapely.get_exterior_ring(area)):
+        ring = shapely.get_exterior_ring(area)
+        if not shapely.is_ccw(ring):
             outwards = -outwards
-        edge_at = (outwards * corners[:-1].T).sum(axis=0)
+        edge_at = (outwards * starts.T).sum(axis=0)
 
         # The corner of a box that comes nearest to an edge follows from the edge's direction.
         low_corners = bounds[places, :2]
@@ -107,11 +109,13 @@ class Metal:
             self._pieces[place] = None
             self._free.append(place)
         counts = shapely.get_num_coordinates(left)
-        is_small = (counts > 0) & (counts <= MAX_SMALL)
-        is_large = (counts > 0) & ~is_small
+        has_metal = counts > 0
+        is_small = has_metal & (counts <= MAX_SMALL)
+        is_large = has_metal & ~is_small
         self._put(left[is_large], counts[is_large])
         small = list(joined(left[is_small]))
-        self._put(np.array(small, dtype=object), shapely.get_num_coordinates(small))
+        small_counts = shapely.get_num_coordinates(small)
+        self._put(np.array(small, dtype=object), small_counts)
 
     def _put(self, polygons: NDArray[Any], counts: NDArray[Any]) -> None:
         """Add polygons with their numbers of vertices, divided where they have too many."""
@@ -180,7 +184,8 @@ def overlaps(polygons: NDArray[Any], whole: Any) -> Values:
     That one is divided first, so that no polygon is compared with more vertices than it is near.
     """
     pieces = np.array(list(divided(whole)), dtype=object)
-    near, piece = shapely.STRtree(pieces).query(polygons)
+    tree = shapely.STRtree(pieces)
+    near, piece = tree.query(polygons)
     common = shapely.intersection(polygons[near], pieces[piece])
     areas = np.zeros(len(polygons))
     np.add.at(areas, near, shapely.area(common))

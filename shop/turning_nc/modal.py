@@ -304,14 +304,17 @@ class Modal:
         """
         misuse = f"G{code:g} is understood as a limit of the spindle alone: G{code:g} S..."
         if line.first(*COORDINATES):
-            if not (self.fanuc and self.here == HOME and line.first("X", "Z")):
+            is_at_start = self.fanuc and self.here == HOME
+            if not (is_at_start and line.first("X", "Z")):
                 raise BlockError(misuse)
             self.z, self.x = self.target(line)
             self.note(f"G{code:g} sets the zero point from where the tool stands")
         elif spindle is None or spindle.value is None:
             raise BlockError(misuse)
         # G25 of SINUMERIK states the lowest speed.
-        return None if spindle is None or code == 25 else spindle.value
+        if spindle is None or code == 25:
+            return None
+        return spindle.value
 
     def _set_kind_of_speed(self, constant: bool) -> None:
         """Set whether S is a cutting speed (G96) or a spindle speed (G97)."""
@@ -385,9 +388,13 @@ class Modal:
             return 0.0
         if not (word.is_whole and (steps or self.counts_steps)):
             return word.value * self.length_scale
-        step = "0.0001 inch" if self.in_inches else "0.001 mm"
-        self.note(f"a cycle's words without a decimal point are read as steps of {step}")
-        return word.value * (STEP_INCH * INCH if self.in_inches else STEP_MM)
+        step = STEP_MM
+        step_text = "0.001 mm"
+        if self.in_inches:
+            step = STEP_INCH * INCH
+            step_text = "0.0001 inch"
+        self.note(f"a cycle's words without a decimal point are read as steps of {step_text}")
+        return word.value * step
 
     def target(self, line: Line) -> Point:
         """Return the point to which a block's coordinates lead from the tool's position.
@@ -469,8 +476,9 @@ def _rate(word: Word) -> float:
         BlockError: it is negative, or beyond ``MIN_RATE`` and ``MAX_RATE``.
     """
     value = word.value or 0.0
+    text = f"{word.address}{word.text}"
     if value < 0.0:
-        raise BlockError(f"{word.address}{word.text} is negative")
+        raise BlockError(f"{text} is negative")
     if value and not MIN_RATE <= value <= MAX_RATE:
-        raise BlockError(f"{word.address}{word.text} is beyond {MIN_RATE:g} to {MAX_RATE:g}")
+        raise BlockError(f"{text} is beyond {MIN_RATE:g} to {MAX_RATE:g}")
     return value

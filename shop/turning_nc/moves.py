@@ -157,9 +157,11 @@ def _listed(control: Control) -> list[str]:
     """Return what is not understood as text, a line of the program each."""
     listed = []
     for place, reasons in sorted(control.problems.items()):
-        listed.append(f"line {place.line}: {'; '.join(reasons)} {place.where}".rstrip())
-    if len(listed) > MAX_NAMED:
-        listed[MAX_NAMED:] = [f"and {len(listed) - MAX_NAMED} more lines"]
+        text = f"line {place.line}: {'; '.join(reasons)} {place.where}"
+        listed.append(text.rstrip())
+    further = len(listed) - MAX_NAMED
+    if further > 0:
+        listed[MAX_NAMED:] = [f"and {further} more lines"]
     return listed
 
 
@@ -258,12 +260,18 @@ class ProgramControl(Control):
         """Return the first of some lines with a label or the number of a block."""
         label = places.label(target, within)
         # SINUMERIK writes a jump to a block with its N, Fanuc without it.
-        digits = target if self.fanuc else target.removeprefix("N")
-        if not (self.fanuc or target.startswith("N")) or not digits.isdigit():
+        digits = target
+        is_number = self.fanuc
+        if not self.fanuc:
+            digits = target.removeprefix("N")
+            is_number = target.startswith("N")
+        if not is_number or not digits.isdigit():
             return label
         number = places.block(float(digits), within)
-        if label is None or number is None:
-            return number if label is None else label
+        if label is None:
+            return number
+        if number is None:
+            return label
         return min(label, number)
 
     # One block.
@@ -423,10 +431,14 @@ class ProgramControl(Control):
         digits = word.text.split(".")[0]
         if not digits.isdigit():
             raise BlockError(f"P{word.text} is no sub-program")
+        repeats: float | None
         if len(digits) > 4:
-            self._call(str(int(digits[-4:])), int(digits[:-4]))
+            name = digits[-4:]
+            repeats = int(digits[:-4])
         else:
-            self._call(str(int(digits)), line.number_of("L"))
+            name = digits
+            repeats = line.number_of("L")
+        self._call(str(int(name)), repeats)
 
     def _call_by_name(self, line: Line) -> None:
         """Call sub-programs of SINUMERIK: L7 P3, or their names."""

@@ -53,9 +53,14 @@ def roughing_passes(contour: Sequence[Path], start: Point, cycle: Roughing) -> l
     kept = [path.moved(cycle.allowance) for path in contour]
     view = _View.of(kept, cycle)
     profile = _profile(kept, view)
-    levels = _levels(profile, _top(profile, view, cycle, start=start), cycle)
+    top = _top(profile, view, cycle, start=start)
+    levels = _levels(profile, top, cycle)
     roughing = _RoughingPasses(
-        view, profile, start=start, retraction=cycle.retraction, step=levels.step
+        view,
+        profile,
+        start=start,
+        retraction=cycle.retraction,
+        step=levels.step,
     )
     return roughing.passes(levels.heights, kept)
 
@@ -195,16 +200,20 @@ class _RoughingPasses:
         for level in levels:
             stretches = self._below(level)
             if stretches and self._is_at_front(stretches[0]):
-                passes.append(self._from_front(here, level, stretches.pop(0).end))
+                front = stretches.pop(0)
+                passes.append(self._from_front(here, level, front.end))
                 here = passes[-1][-1].end
-            pockets += [self._pocket(level, stretch, clear) for stretch in stretches]
+            for stretch in stretches:
+                pockets.append(self._pocket(level, stretch, clear))
         for pocket in pockets:
-            above = view.rapid(view.seen(here).along, clear)
+            along = view.seen(here).along
+            above = view.rapid(along, clear)
             begin = Stop(pocket[0].start, rapid=True)
             passes.append([*joined(here, above, begin), *pocket])
             here = pocket[-1].end
         if pockets:
-            passes[-1] += joined(here, view.rapid(start.along, clear))
+            above_start = view.rapid(start.along, clear)
+            passes[-1] += joined(here, above_start)
             here = passes[-1][-1].end
         passes.append(self._along(here, contour, clear))
         return passes
@@ -308,14 +317,17 @@ class _RoughingPasses:
         before = 0
         begin = profile[0] if profile[0].height < level else None
         for index, (here, after) in enumerate(itertools.pairwise(profile)):
-            if (after.height < level) == (begin is not None):
+            was_below = begin is not None
+            is_below = after.height < level
+            if is_below == was_below:
                 continue
-            share = (level - here.height) / (after.height - here.height)
+            rise = after.height - here.height
+            share = (level - here.height) / rise
             share = min(max(share, 0.0), 1.0)
             crossing = here.along + share * (after.along - here.along)
             if begin is None:
                 before = index
-                begin = _Seen(crossing, here.height + share * (after.height - here.height))
+                begin = _Seen(crossing, here.height + share * rise)
             else:
                 stretches.append(_Stretch(before, begin, end=crossing))
                 begin = None
@@ -366,16 +378,19 @@ def pecked(start: Point, end: Point, cycle: Pecking) -> list[Pass]:
     """
     top = cycle.depth_of(start)
     bottom = cycle.depth_of(end)
-    places = [cycle.place_of(start)]
-    if abs(cycle.place_of(end) - places[0]) > TOLERANCE:
-        places += _spaced(places[0], cycle.place_of(end), cycle.across)
+    first_place = cycle.place_of(start)
+    last_place = cycle.place_of(end)
+    places = [first_place]
+    if abs(last_place - first_place) > TOLERANCE:
+        places += _spaced(first_place, last_place, cycle.across)
     depths = _spaced(top, bottom, cycle.peck)
     if len(places) * len(depths) > MAX_PASSES:
         raise BlockError(
             f"{len(depths)} pecks at each of {len(places)} places are needed, "
             f"but {MAX_PASSES} at most are made"
         )
-    drawn = math.copysign(min(cycle.back, cycle.peck or cycle.back), bottom - top)
+    back = min(cycle.back, cycle.peck or cycle.back)
+    drawn = math.copysign(back, bottom - top)
     passes = []
     here = start
     for place in places:
@@ -394,14 +409,20 @@ def pecked(start: Point, end: Point, cycle: Pecking) -> list[Pass]:
 
 def _spaced(first: float, last: float, step: float) -> list[float]:
     """Return values a step apart that follow the first one, up to the last."""
-    count = math.ceil(abs(last - first) / step - TOLERANCE) if step > 0.0 else 1
+    distance = last - first
+    count = 1
+    if step > 0.0:
+        count = math.ceil(abs(distance) / step - TOLERANCE)
     if count > MAX_PASSES:
         raise BlockError(
             f"{count} steps of {step:g} mm are needed, but {MAX_PASSES} at most are made"
         )
-    signed = math.copysign(step, last - first)
-    values = [first + number * signed for number in range(1, count)]
-    return [*values, last]
+    signed_step = math.copysign(step, distance)
+    values = []
+    for number in range(1, count):
+        values.append(first + number * signed_step)
+    values.append(last)
+    return values
 
 
 # The repeated contour of G73.
@@ -421,13 +442,16 @@ def repeated_passes(
     """Return the moves of G73: the contour, again and again, up to its allowance [mm]."""
     passes: list[Pass] = []
     here = start
+    last = cycle.count - 1
     for number in range(cycle.count):
-        left = 1.0 - number / (cycle.count - 1) if cycle.count > 1 else 0.0
+        # Share of the pattern that is left to cut after this pass.
+        left = 0.0
+        if last > 0:
+            left = 1.0 - number / last
         shift = shifted(allowance, cycle.pattern, left)
         begin = shifted(start, shift)
         cut = [path.moved(shift) for path in contour]
-        is_last = number == cycle.count - 1
-        end = start if is_last else begin
+        end = start if number == last else begin
         lead = joined(here, Stop(begin, rapid=True), Stop(cut[0].start, rapid=True))
         back = joined(cut[-1].end, Stop(end, rapid=True))
         passes.append([*lead, *cut, *back])

@@ -156,25 +156,28 @@ def arc_of_radius(start: Point, end: Point, radius: float, clockwise: bool) -> P
     Raises:
         BlockError: the radius is too large for an arc, or too small to join the points.
     """
+    size = abs(radius)
     chord = math.dist(start, end)
-    if abs(radius) > MAX_RADIUS:
+    if size > MAX_RADIUS:
         raise BlockError(
-            f"an arc of radius {abs(radius):g} mm is larger than {MAX_RADIUS:g} mm: is it straight?"
+            f"an arc of radius {size:g} mm is larger than {MAX_RADIUS:g} mm: is it straight?"
         )
     least = 0.5 * chord - RADIUS_TOLERANCE
-    if chord < MIN_LENGTH or abs(radius) < least:
-        raise BlockError(
-            f"an arc of radius {abs(radius):g} mm cannot join points {chord:.3f} mm apart"
-        )
+    if chord < MIN_LENGTH or size < least:
+        raise BlockError(f"an arc of radius {size:g} mm cannot join points {chord:.3f} mm apart")
     # The centre lies on the chord's perpendicular bisector: of the shorter arc to the right of the
     # chord if it is clockwise, of the longer one to the left.
-    height = math.sqrt(max(radius**2 - 0.25 * chord**2, 0.0))
-    side = (1.0 if clockwise else -1.0) * math.copysign(1.0, radius)
+    square_height = radius**2 - 0.25 * chord**2
+    height = math.sqrt(max(square_height, 0.0))
+    side = math.copysign(1.0, radius)
+    if not clockwise:
+        side = -side
+    offset = side * height
     dz = (end.z - start.z) / chord
     dx = (end.x - start.x) / chord
-    middle = Point(0.5 * (start.z + end.z), 0.5 * (start.x + end.x))
-    offset = side * height
-    centre = Point(middle.z + offset * dx, middle.x - offset * dz)
+    middle_z = 0.5 * (start.z + end.z)
+    middle_x = 0.5 * (start.x + end.x)
+    centre = Point(middle_z + offset * dx, middle_x - offset * dz)
     return Path(start, end, centre=centre, clockwise=clockwise)
 
 

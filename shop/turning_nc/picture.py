@@ -66,11 +66,11 @@ def _draw_metal(axes: Axes, situation: Situation, unit: Unit) -> None:
     removal = situation.removal
     for polygon, colour in ((removal.stock, LIGHT), (removal.part, _PART)):
         for piece in shapely.get_parts(polygon):
-            z, x = unit.factor * np.array(piece.exterior.xy)
-            axes.fill(z, x, color=colour, linewidth=0)
+            outline = unit.factor * np.array(piece.exterior.xy)
+            axes.fill(*outline, color=colour, linewidth=0)
             for hole in piece.interiors:
-                z, x = unit.factor * np.array(hole.xy)
-                axes.fill(z, x, color="white", linewidth=0)
+                outline = unit.factor * np.array(hole.xy)
+                axes.fill(*outline, color="white", linewidth=0)
 
 
 def _draw_passes(axes: Axes, situation: Situation, played: Play, unit: Unit) -> LineCollection:
@@ -119,7 +119,8 @@ def _frame_metal(axes: Axes, situation: Situation, unit: Unit) -> None:
 def _draw_loads(axes: Axes, played: Play) -> None:
     """Draw both loads over time, as steps: they are constant over a slice."""
     ends = np.cumsum(played.time)
-    times = np.repeat(np.concatenate(([0.0], ends)), 2)[1:-1]
+    borders = np.concatenate(([0.0], ends))
+    times = np.repeat(borders, 2)[1:-1]
     for name, share, colour in (
         ("thrust force", played.force_share, ORANGE),
         ("power", played.power_share, BLUE),
@@ -127,7 +128,12 @@ def _draw_loads(axes: Axes, played: Play) -> None:
         percent = 100.0 * np.repeat(share, 2)
         axes.plot(times, percent, color=colour, linewidth=1.0, label=name)
     axes.axhline(100.0, **LIMIT, label="limit")
-    axes.set(xlim=(0.0, max(ends[-1], 1e-3)), xlabel="time [s]", ylabel="load [% of its limit]")
+    duration = max(ends[-1], 1e-3)
+    axes.set(
+        xlim=(0.0, duration),
+        xlabel="time [s]",
+        ylabel="load [% of its limit]",
+    )
     axes.set_ylim(bottom=0.0)
     axes.legend(**_ABOVE)
     axes.spines[["top", "right"]].set_visible(False)

@@ -216,20 +216,24 @@ def _wrong_sides(situation: Situation) -> dict[int, Mask]:
     """
     s = situation
     slices = s.removal.slices
-    compensation = np.array([move.compensation for move in s.moves.moves])[slices.move]
+    of_moves = np.array([move.compensation for move in s.moves.moves])
+    compensation = of_moves[slices.move]
     left = _body_to_the_left(s)
     is_clear = s.engaged & (abs(left) > MIN_ASIDE)
     is_clear &= slices.start[:, 1] > 0.0  # tools beyond the axis do not count
     contrary = np.where(left > 0.0, compensation == RIGHT, compensation == LEFT)
     wrong = is_clear & contrary
     right = is_clear & (compensation > 0) & ~wrong
+    nowhere = np.zeros(len(left), np.bool_)
     marks: dict[int, Mask] = {}
     for is_tool in s.by_tool.values():
-        wrong_length = slices.length[wrong & is_tool].sum()
-        if wrong_length > slices.length[right & is_tool].sum():
+        wrong_of_tool = wrong & is_tool
+        wrong_length = slices.length[wrong_of_tool].sum()
+        right_length = slices.length[right & is_tool].sum()
+        if wrong_length > right_length:
             for side in (LEFT, RIGHT):
-                mark = wrong & is_tool & (compensation == side)
-                marks[side] = marks.get(side, np.zeros(len(left), np.bool_)) | mark
+                mark = wrong_of_tool & (compensation == side)
+                marks[side] = marks.get(side, nowhere) | mark
     return marks
 
 

@@ -122,8 +122,10 @@ def rounded_within(value: float, low: float, high: float, decimals: int) -> floa
     last = math.floor(high * scale + 1e-9)
     if first > last:
         raise NcError(f"the range {low} to {high} holds no value of {decimals} decimals")
-    steps = min(max(round(value * scale), first), last)
-    return float(round(steps / scale, decimals))
+    nearest = round(value * scale)
+    steps = min(max(nearest, first), last)
+    rounded = round(steps / scale, decimals)
+    return float(rounded)
 
 
 def _highest_spindle_speed(scenario: Scenario) -> float:
@@ -179,8 +181,10 @@ def _program(program: PartProgram) -> Program:
 def _check_cut(cut: Move) -> None:
     """Check that a move is a cut along Z at a constant cutting speed."""
     path = cut.path
-    is_along_z = path.centre is None and path.start.x == path.end.x
-    if not (cut.kind == "feed" and is_along_z and path.end.z < path.start.z):
+    is_straight = path.centre is None
+    is_along_z = path.start.x == path.end.x
+    is_to_chuck = path.end.z < path.start.z
+    if not (cut.kind == "feed" and is_straight and is_along_z and is_to_chuck):
         raise NcError(f"line {cut.line}: feed must go along Z towards the chuck, with G01 Z...")
     is_limited = math.isfinite(cut.max_spindle_speed)
     if not (cut.constant_cutting_speed and cut.per_revolution and is_limited):
@@ -222,11 +226,13 @@ def write(program: Program, comments: Iterable[str] = ()) -> str:
     lines = []
     for comment in (WARNING, *comments, UNITS):
         # An empty comment is an empty line.
-        for line in textwrap.wrap(_plain(comment), COMMENT_WIDTH) or [""]:
+        wrapped = textwrap.wrap(_plain(comment), COMMENT_WIDTH) or [""]
+        for line in wrapped:
             lines.append(f"; {line}")
     for number, block in enumerate(_blocks(program), 1):
         lines.append(f"N{10 * number} {block}")
-    return "\n".join(lines) + "\n"
+    text = "\n".join(lines)
+    return f"{text}\n"
 
 
 def _blocks(program: Program) -> list[str]:

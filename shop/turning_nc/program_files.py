@@ -57,11 +57,14 @@ def _with_file(program: PartProgram, name: str, file: Path, path: Path) -> tuple
         text += "\n"
     if name not in other.parts:
         text += f"O{name}\n" if program.dialect.system else f"%_N_{name}_SPF\n"
-    first = with_line_feeds(text).count("\n") + 1
-    last = first + with_line_feeds(other.text.rstrip()).count("\n")
+    lines_before = with_line_feeds(text).count("\n")
+    other_text = with_line_feeds(other.text.rstrip())
+    first = lines_before + 1
+    last = first + other_text.count("\n")
     note = f"lines {first} to {last} are those of {file.name}, which the program calls"
     with naming(path):
-        return divide(text + other.text, program.dialect), note
+        whole = divide(text + other.text, program.dialect)
+    return whole, note
 
 
 def _first_missing(program: PartProgram, path: Path) -> tuple[str, Path] | None:

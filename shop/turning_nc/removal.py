@@ -136,12 +136,17 @@ def _tools_beyond_axis(moves: Moves) -> set[str]:
     highest: dict[str, float] = {}
     for move in moves.moves:
         if move.kind == "feed":
+            tool = move.tool
             low, high = sorted(move.path.reach)
-            lowest[move.tool] = min(lowest.get(move.tool, low), low)
-            highest[move.tool] = max(highest.get(move.tool, high), high)
+            lowest[tool] = min(lowest.get(tool, low), low)
+            highest[tool] = max(highest.get(tool, high), high)
 
     # A tool that faces runs a little past the axis, too.
-    return {tool for tool, high in highest.items() if high < -0.2 * lowest[tool]}
+    tools = set()
+    for tool, high in highest.items():
+        if high < -0.2 * lowest[tool]:
+            tools.add(tool)
+    return tools
 
 
 def _threading_tools(moves: Moves) -> set[str]:
@@ -292,12 +297,14 @@ class _Cutting:
             return {}
         metal = np.concatenate([taken.metal for taken in self._taken])
         lines = np.array([taken.line for taken in self._taken])
-        line_of_polygon = np.repeat(lines, [len(taken.metal) for taken in self._taken])
+        counts = [len(taken.metal) for taken in self._taken]
+        line_of_polygon = np.repeat(lines, counts)
 
         # A line that takes little metal, as those of a fine contour do, need not be compared.
         taken_areas = np.bincount(line_of_polygon, shapely.area(metal))
         may_gouge = taken_areas[line_of_polygon] > MAX_COLLISION
-        areas = np.bincount(line_of_polygon[may_gouge], overlaps(metal[may_gouge], lost))
+        gouged_areas = overlaps(metal[may_gouge], lost)
+        areas = np.bincount(line_of_polygon[may_gouge], gouged_areas)
         gouging_lines = np.flatnonzero(areas > MAX_COLLISION)
         return {int(line): float(areas[line]) for line in gouging_lines}
 
@@ -322,15 +329,21 @@ def _sliced(sweep: Sweep, metal: NDArray[Any], area: float) -> _Cut:
     """
     steps = math.ceil(sweep.length / STEP)
     if area < MIN_AREA or steps == 1:
-        moments = shapely.area(metal) * shapely.get_y(shapely.centroid(metal))
-        return _Cut(shares=np.ones(1), areas=np.array([area]), moments=np.array([moments.sum()]))
+        radii = shapely.get_y(shapely.centroid(metal))
+        moments = shapely.area(metal) * radii
+        return _Cut(
+            shares=np.ones(1),
+            areas=np.array([area]),
+            moments=np.array([moments.sum()]),
+        )
     removed = Removed(sweep, metal)
     touch = min(TOUCH, 0.1 * area)
     limits = np.array((touch, area - touch))
     first_steps = removed.first_steps(limits, sweep.length / steps, count=steps)
     first, last = first_steps / steps
     first = max(first - 1.0 / steps, 0.0)
-    count = min(math.ceil((last - first) * sweep.length / SLICE_LENGTH), MAX_SLICES)
+    length = (last - first) * sweep.length
+    count = min(math.ceil(length / SLICE_LENGTH), MAX_SLICES)
     shares = np.linspace(first, last, count + 1)
     shares = shares[shares > 0.0]
     if last < 1.0 or not len(shares):

@@ -157,15 +157,17 @@ def comparison(before: Summary, after: Summary) -> list[str]:
     change = f"{saved:.1f} % saved" if saved >= 0.0 else f"{-saved:.1f} % longer"
     lines = [f"cycle time: {before.time:.1f} s before, {after.time:.1f} s after: {change}"]
     if before.limited:
-        load_before = f"{100 * before.max_load:.0f} % before"
-        lines.append(f"highest load: {load_before}, {100 * after.max_load:.0f} % after")
+        load_before = 100 * before.max_load
+        load_after = 100 * after.max_load
+        lines.append(f"highest load: {load_before:.0f} % before, {load_after:.0f} % after")
     lines.append(f"cost: {before.cost_text} before, {after.cost_text} after")
     life_before = 100.0 * sum(before.used_life.values())
     life_after = 100.0 * sum(after.used_life.values())
     lines.append(f"tool life per part: {life_before:.2f} % before, {life_after:.2f} % after")
     for tool in before.parts:
         change_before = before.edge_change(tool)
-        lines.append(f"{tool}: {change_before} before, {after.edge_change(tool)} after")
+        change_after = after.edge_change(tool)
+        lines.append(f"{tool}: {change_before} before, {change_after} after")
     return lines
 
 
@@ -259,10 +261,13 @@ class _RowWriter:
     def blocks(self) -> list[NDArray[np.int64]]:
         """Return the indices of the slices of each block at feed."""
         fed = np.flatnonzero(self._situation.fed)
-        is_new_line = np.diff(self._situation.line[fed]) != 0
-        is_new_pass = np.diff(self._cycle_pass[fed]) != 0
+        line = self._situation.line[fed]
+        cycle_pass = self._cycle_pass[fed]
+        is_new_line = np.diff(line) != 0
+        is_new_pass = np.diff(cycle_pass) != 0
         is_gap = np.diff(fed) > 1  # another move lies between
-        starts = np.flatnonzero(is_new_line | is_new_pass | is_gap) + 1
+        is_new_block = is_new_line | is_new_pass | is_gap
+        starts = np.flatnonzero(is_new_block) + 1
         return np.split(fed, starts)
 
     def row(self, block: NDArray[np.int64]) -> Row:
@@ -299,9 +304,11 @@ class _RowWriter:
         s = self._situation
         if not metal.size or self._finishing.is_finishing(metal):
             return 0.0
+        feed = self._played.feed[metal].max()
         highest = max(self._highest_feed[metal].min(), s.min_feed)
-        share = float(self._played.feed[metal].max() / highest)
-        return max(float(self._time[metal].sum()) * (1.0 - share), 0.0)
+        share = float(feed / highest)
+        time = float(self._time[metal].sum())
+        return max(time * (1.0 - share), 0.0)
 
     def _remark(self, block: NDArray[np.int64], saves: float) -> str:
         remark = ""
@@ -373,13 +380,16 @@ def findings(blocks: Sequence[Row], count: int = 5) -> list[str]:
     found = []
     overloads = [row for row in blocks if row.remark.startswith(OVERLOAD)]
     if overloads:
-        worst = 100 * max(max(row.force_share, row.power_share) for row in overloads)
+        shares = [max(row.force_share, row.power_share) for row in overloads]
+        worst = 100 * max(shares)
         lines = at_lines(row.line for row in overloads)
         found.append(f"overload: {lines}; the highest load is {worst:.0f} % of its limit")
-    wasted_by_feed = _longest((_LineTime(row.line, row.saves) for row in blocks), count)
+    by_feed = [_LineTime(row.line, row.saves) for row in blocks]
+    wasted_by_feed = _longest(by_feed, count)
     if wasted_by_feed:
         found.append(f"wasted by too little feed: {wasted_by_feed}")
-    wasted_in_air = _longest((_LineTime(row.line, row.air_time) for row in blocks), count)
+    in_air = [_LineTime(row.line, row.air_time) for row in blocks]
+    wasted_in_air = _longest(in_air, count)
     if wasted_in_air:
         found.append(f"wasted by air at feed: {wasted_in_air}")
     return found
@@ -395,6 +405,10 @@ def _longest(times: Iterable[_LineTime], count: int) -> str:
     sums: dict[int, float] = {}
     for line, time in times:
         sums[line] = sums.get(line, 0.0) + time
-    long_lines = [(time, line) for line, time in sums.items() if time >= MIN_WASTE]
+    long_lines = []
+    for line, time in sums.items():
+        if time >= MIN_WASTE:
+            long_lines.append((time, line))
     long_lines.sort(reverse=True)
-    return ", ".join(f"line {line} {time:.1f} s" for time, line in long_lines[:count])
+    texts = [f"line {line} {time:.1f} s" for time, line in long_lines[:count]]
+    return ", ".join(texts)

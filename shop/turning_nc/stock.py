@@ -131,27 +131,34 @@ def _ends(turned: list[Move]) -> _Ends:
     at_home = (x == HOME[1]) & (z == HOME[0])
     z = np.where(at_home, 0.0, z)
     x = np.where(at_home, 0.0, x)
-    touches_axis = abs(x).min(axis=1) < ON_AXIS
-    crosses_axis = x.prod(axis=1) < 0.0
     radius = abs(x)
+    touches_axis = radius.min(axis=1) < ON_AXIS
+    crosses_axis = x.prod(axis=1) < 0.0
 
     # A plunge begins in the air, so only its end counts, if there are other moves.
-    is_level = z[:, 0] == z[:, 1]
-    is_plunge = is_level & (z[:, 0] < 0.0) & (radius[:, 1] < radius[:, 0])
+    start_z = z[:, 0]
+    end_z = z[:, 1]
+    start_radius = radius[:, 0]
+    end_radius = radius[:, 1]
+    is_inwards = end_radius < start_radius
+    is_plunge = (start_z == end_z) & (start_z < 0.0) & is_inwards
     if not is_plunge.all():
-        radius[:, 0] = np.where(is_plunge, radius[:, 1], radius[:, 0])
+        radius[:, 0] = np.where(is_plunge, end_radius, start_radius)
     return _Ends(z, np.asarray(radius), reaches_axis=touches_axis | crosses_axis)
 
 
 def _outer_radius(ends: _Ends) -> float:
     """Return the radius of the bar [mm]."""
     largest = ends.radius.max()
-    within_bar = ends.radius[ends.z < 0.0].max(initial=0.0)
+    is_within = ends.z < 0.0
+    within_bar = ends.radius[is_within].max(initial=0.0)
     radius = float(max(within_bar, largest - CLEARANCE, 0.5 * largest, 1.0))
 
     # The first pass along Z cuts, too.
-    is_along = (ends.radius[:, 0] == ends.radius[:, 1]) & (ends.z[:, 1] < 0.0)
-    widest_pass = float(ends.radius[is_along, 1].max(initial=0.0))
+    start_radius = ends.radius[:, 0]
+    end_radius = ends.radius[:, 1]
+    is_along = (start_radius == end_radius) & (ends.z[:, 1] < 0.0)
+    widest_pass = float(end_radius[is_along].max(initial=0.0))
     if widest_pass >= radius:
         radius = widest_pass + CLEARANCE
     return radius

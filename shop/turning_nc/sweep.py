@@ -75,14 +75,16 @@ class Removed:
         rise = self._last - self._first
         level = abs(rise) < SAME
         width = edges.last_across - edges.first_across
-        self._slope = np.where(level, 0.0, width / np.where(level, 1.0, rise))
+        divisor = np.where(level, 1.0, rise)
+        self._slope = np.where(level, 0.0, width / divisor)
 
         # The front is f(c) = along + tilt * (c - across) in each band. Its integral over c goes on
         # from band to band.
+        start_along = front.along[:-1]
         widths = front.across[1:] - front.across[:-1]
-        heights = front.along[1:] - front.along[:-1]
+        heights = front.along[1:] - start_along
         tilts = heights / widths
-        areas = widths * (front.along[:-1] + 0.5 * heights)
+        areas = widths * (start_along + 0.5 * heights)
         integrals = np.concatenate(([0.0], np.cumsum(areas)))
         self._band_across = front.across[band, np.newaxis]
         self._band_along = front.along[band, np.newaxis]
@@ -108,8 +110,9 @@ class Removed:
         at_high = self._moment_density(part.high, part.high_across)
 
         # Simpson's rule is exact for cubics, and the density is a square along a straight edge.
-        ends = at_low + at_high
-        return -self._sign @ ((ends + 4.0 * at_middle) / 6.0 * (part.high - part.low))
+        mean = (at_low + at_high + 4.0 * at_middle) / 6.0
+        moment_of_edges = mean * (part.high - part.low)
+        return -self._sign @ moment_of_edges
 
     def first_steps(self, areas: Values, step: float, count: int) -> NDArray[np.int64]:
         """Return the first step along the line after which more than each area is removed.
@@ -119,23 +122,26 @@ class Removed:
             step: length of a step [mm].
             count: number of steps; it is returned where no step exceeds the area.
         """
+        rows = np.arange(len(areas))
         low = np.zeros(len(areas), np.int64)
         high = np.full(len(areas), count)
         shares = np.arange(1.0, PROBES + 1.0) / (PROBES + 1.0)
-        rows = np.arange(len(areas))
 
         # The removed area only grows, so each round divides the range in which a step is sought.
         # Many probes at once need few calls of NumPy.
         while (low < high).any():
             ranges = (high - low)[:, np.newaxis]
-            probes = low[:, np.newaxis] + (ranges * shares).astype(np.int64)
+            offsets = (ranges * shares).astype(np.int64)
+            probes = low[:, np.newaxis] + offsets
             distances = step * probes.ravel().astype(np.float64)
             removed = self.areas(distances).reshape(probes.shape)
-            below = (removed <= areas[:, np.newaxis]).sum(axis=1)  # probes before the step
+            is_below = removed <= areas[:, np.newaxis]
+            below = is_below.sum(axis=1)  # probes before the step
             first_beyond = probes[rows, np.minimum(below, PROBES - 1)]
             last_below = probes[rows, below - 1]
             high = np.where(below < PROBES, first_beyond, high)
-            low = np.where(below > 0, np.minimum(last_below + 1, high), low)
+            after_last = np.minimum(last_below + 1, high)
+            low = np.where(below > 0, after_last, low)
         return low
 
     def _below(self, distances: Values) -> "_Below":
@@ -200,14 +206,15 @@ def _front(sweep: Sweep) -> _Front:
 
     They are the upper convex hull of all corners (Andrew's monotone chain).
     """
-    across = sweep.shape @ sweep.across
-    along = sweep.shape @ sweep.along
-    corners = sorted(map(_Corner, across.tolist(), along.tolist()))
+    across = (sweep.shape @ sweep.across).tolist()
+    along = (sweep.shape @ sweep.along).tolist()
+    corners = sorted(map(_Corner, across, along))
     chain: list[_Corner] = []
     for corner in corners:
         if chain and corner.across - chain[-1].across < SAME:
             behind = chain.pop()
-            corner = _Corner(behind.across, max(corner.along, behind.along))
+            farthest = max(corner.along, behind.along)
+            corner = _Corner(behind.across, farthest)
         while len(chain) > 1 and _turns_left(chain[-2], chain[-1], corner):
             chain.pop()
         chain.append(corner)
@@ -228,28 +235,33 @@ def _edges(metal: NDArray[Any], sweep: Sweep) -> _Edges:
     Lines and points beside them, where metal only touches the sweep, are left out.
     """
     parts = shapely.get_parts(metal)
-    polygons = parts[shapely.get_dimensions(parts) == 2]
-    rings, polygon_of_ring = shapely.get_rings(polygons, return_index=True)
+    has_area = shapely.get_dimensions(parts) == 2
+    rings, polygon_of_ring = shapely.get_rings(parts[has_area], return_index=True)
     points, ring_of_point = shapely.get_coordinates(rings, return_index=True)
-    along = (points - sweep.start) @ sweep.along
-    across = (points - sweep.start) @ sweep.across
+    from_start = points - sweep.start
+    along = from_start @ sweep.along
+    across = from_start @ sweep.across
+    first_along = along[:-1]
+    first_across = across[:-1]
+    last_along = along[1:]
+    last_across = across[1:]
 
     # All rings are written one after another; a step from one ring to the next is no edge.
     ring = ring_of_point[:-1]
     within = ring == ring_of_point[1:]
 
     # The first ring of a polygon is its outside. It may be written in either sense.
-    crosses = across[1:] * along[:-1] - across[:-1] * along[1:]
+    crosses = last_across * first_along - first_across * last_along
     areas = np.bincount(ring[within], crosses[within], minlength=len(rings))
     turns_left = areas > 0.0
     is_outside = np.ones(len(rings), np.bool_)
     is_outside[1:] = polygon_of_ring[1:] != polygon_of_ring[:-1]
     sign = np.where(turns_left == is_outside, 1.0, -1.0)
     return _Edges(
-        first_along=along[:-1][within],
-        first_across=across[:-1][within],
-        last_along=along[1:][within],
-        last_across=across[1:][within],
+        first_along=first_along[within],
+        first_across=first_across[within],
+        last_along=last_along[within],
+        last_across=last_across[within],
         sign=sign[ring[within]],
     )
 

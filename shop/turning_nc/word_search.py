@@ -243,13 +243,17 @@ class _SortedCuts:
         exponent = self._life_exponent
         feed = np.full(time.shape, s.max_feed)
         if exponent > 1.0:
-            cheapest = (time / np.maximum(life * (exponent - 1.0), 1e-300)) ** (1.0 / exponent)
+            slope = np.maximum(life * (exponent - 1.0), 1e-300)
+            cheapest = (time / slope) ** (1.0 / exponent)
             feed = np.minimum(feed, cheapest)
         feed = np.maximum(np.minimum(feed, highest), s.min_feed)
-        feed = np.where(np.isnan(self._given_feeds), feed, self._given_feeds)
+        is_free = np.isnan(self._given_feeds)
+        feed = np.where(is_free, feed, self._given_feeds)
         excess = np.maximum(feed / highest - 1.0, 0.0)
-        cost = time / feed + life * feed ** (exponent - 1.0) + OVERLOAD_COST * excess
-        return _Best(feeds=feed, costs=np.add.reduceat(cost, self._speed_starts, axis=1))
+        life_cost = life * feed ** (exponent - 1.0)
+        cost = time / feed + life_cost + OVERLOAD_COST * excess
+        cost_of_speed = np.add.reduceat(cost, self._speed_starts, axis=1)
+        return _Best(feeds=feed, costs=cost_of_speed)
 
     def set_feeds(self, values: Values, speeds: Values, prices: Values) -> None:
         """Set the values of all feed words for given speeds of the cuts."""
@@ -329,24 +333,30 @@ class _SpeedChoice:
         sums = self._coarse_sums
         if sums is None or self._sums_vary:
             shape = (len(candidates), len(self._speeds))
-            sums = self._sums(np.broadcast_to(candidates[:, np.newaxis], shape), values)
+            speeds = np.broadcast_to(candidates[:, np.newaxis], shape)
+            sums = self._sums(speeds, values)
             self._coarse_sums = sums
         costs = self._cuts.best(sums, prices).costs
-        return np.asarray(candidates[np.argmin(costs, axis=0)])
+        cheapest = np.argmin(costs, axis=0)
+        return np.asarray(candidates[cheapest])
 
     def _among_fine(self, around: Values, values: Values, prices: Values) -> Values:
         reach = math.ceil(self._step)
-        candidates = around + np.arange(-reach, reach + 1.0)[:, np.newaxis]
+        changes = np.arange(-reach, reach + 1.0)
+        candidates = around + changes[:, np.newaxis]
         fine = self._fine_sums
         is_known = fine is not None and np.array_equal(fine.candidates, candidates)
         if fine is None or self._sums_vary or not is_known:
             within = np.clip(candidates, self._low, self._high)
-            fine = _FineSums(candidates, self._sums(within, values))
+            sums = self._sums(within, values)
+            fine = _FineSums(candidates, sums)
             self._fine_sums = fine
         costs = self._cuts.best(fine.sums, prices).costs
         is_outside = (candidates < self._low) | (candidates > self._high)
-        best = np.argmin(np.where(is_outside, np.inf, costs), axis=0)
-        return np.asarray(candidates[best, np.arange(len(around))])
+        costs_within = np.where(is_outside, np.inf, costs)
+        cheapest = np.argmin(costs_within, axis=0)
+        columns = np.arange(len(around))
+        return np.asarray(candidates[cheapest, columns])
 
 
 def _is_new(values: Indices) -> NDArray[np.bool_]:

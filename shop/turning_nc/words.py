@@ -378,11 +378,14 @@ def _header(code: str, dialect: Dialect) -> _Header | None:
     name = next(group for group in match.groups() if group)
     if dialect.system:
         # Words may follow Fanuc's O and number, whose leading zeros do not count.
-        rest = code.replace(match[0], " " * len(match[0]), 1)
-        return _Header(str(int(name)), text, rest=rest, is_proc=False)
+        number = str(int(name))
+        blank = " " * len(match[0])
+        rest = code.replace(match[0], blank, 1)
+        return _Header(number, text, rest=rest, is_proc=False)
     if match.end() < len(text):
         return None
-    return _Header(name, text, rest="", is_proc=match.lastindex == 2)
+    is_proc = match.lastindex == 2
+    return _Header(name, text, rest="", is_proc=is_proc)
 
 
 def _line(number: int, code: str, offset: int, dialect: Dialect) -> Line:

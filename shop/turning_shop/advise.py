@@ -256,14 +256,18 @@ def round_numbers(low: float, high: float, count: int) -> Values:
 
     Round numbers are multiples of 1, 2 or 5 times a power of ten.
     """
-    power = 10.0 ** np.floor(np.log10((high - low) / count))
-    # 10 times the power is above (high - low) / count, so that the last factor always fits.
+    span = high - low
+    power = 10.0 ** np.floor(np.log10(span / count))
+    # 10 times the power is above span / count, so that the last factor always fits.
     for factor in (1, 2, 5, 10):
         step = factor * power
-        if (high - low) / step <= count:
+        if span / step <= count:
             break
-    inner = np.arange(np.floor(low / step) + 1, np.ceil(high / step)) * step
-    return np.unique(np.round([low, *inner, high], 9))
+    first = np.floor(low / step) + 1
+    end = np.ceil(high / step)
+    inner = np.arange(first, end) * step
+    rounded = np.round([low, *inner, high], 9)
+    return np.unique(rounded)
 
 
 def tried_plans(scenario: Scenario, evidence: Evidence) -> Plan:
@@ -382,7 +386,8 @@ def _lifted(scenario: Scenario, limit: _Limit) -> Scenario:
 
 def _shown_value(scenario: Scenario, limit: _Limit, cuts: Cuts) -> str:
     """Return the value of a limit for people."""
-    value = getattr(getattr(scenario, limit.section), limit.name)
+    section = getattr(scenario, limit.section)
+    value = getattr(section, limit.name)
     if limit.name in ("support", "overhang"):
         force = allowed_loads(scenario).thrust_force
         stated = value if limit.name == "support" else f"{value:g} mm"
@@ -393,7 +398,8 @@ def _shown_value(scenario: Scenario, limit: _Limit, cuts: Cuts) -> str:
     capacity = float(capacity_at(scenario, cuts.cutting_speed))
     if limit.name == "power" and capacity < 1.0:
         turns = float(cuts.spindle_speed)
-        text += f" ({value * capacity:.3g} kW at {turns:.0f} rev/min, below spindle.base_speed)"
+        available = f"{value * capacity:.3g} kW at {turns:.0f} rev/min"
+        text += f" ({available}, below spindle.base_speed)"
     return text
 
 
@@ -401,10 +407,11 @@ def _in_range(scenario: Scenario, cuts: Cuts) -> bool:
     """Return whether the machine reaches the speed and the feed of a cut."""
     lowest_speed = scenario.machine.cutting_speed_min
     highest_speed = scenario.cutting_speed_max * (1 + ROUNDING)
-    lowest_feed, highest_feed = feed_range(scenario)
+    lowest_feed, by_machine = feed_range(scenario)
+    highest_feed = by_machine * (1 + ROUNDING)
     if not lowest_speed <= cuts.cutting_speed <= highest_speed:
         return False
-    return bool(lowest_feed <= cuts.feed <= highest_feed * (1 + ROUNDING))
+    return bool(lowest_feed <= cuts.feed <= highest_feed)
 
 
 def _law_known(limit: _Limit, evidence: Evidence) -> str:
@@ -460,14 +467,17 @@ def life_margin(scenario: Scenario, evidence: Evidence, factors: Mapping[str, Va
 
     ``factors`` are the values of the law's factors, in the units of ``Cuts``.
     """
-    margin = np.full(np.shape(factors["time"]), life_spread(scenario))
+    shape = np.shape(factors["time"])
+    margin = np.full(shape, life_spread(scenario))
     wear = scenario.material.wear
     law = evidence.laws.get("wear")
     # A catalogue's doubt is about the level of all edges, which the first of them shows. So the
     # change is planned for the usual level, and the interval of the parts says what to expect.
     if law and law.origin == "measured":
+        deviation = law.log_deviation(wear, factors)
+        by_readings = law.quantile * deviation / wear.time
         # Edges differ at least as much as the scenario says.
-        margin = np.maximum(margin, law.quantile * law.log_deviation(wear, factors) / wear.time)
+        margin = np.maximum(margin, by_readings)
     return margin
 
 
@@ -492,13 +502,15 @@ def headline(scenario: Scenario, evidence: Evidence, advice: list[Advice]) -> It
     low = money(best.cost_low)
     high = money(best.cost_high)
     interval = f" ({low} to {high})" if low != high else ""
-    yield f"Cut {best.where}: {money(best.cost)} {unit} a part{interval}{best.mark}"
+    cost = f"{money(best.cost)} {unit} a part{interval}"
+    yield f"Cut {best.where}: {cost}{best.mark}"
     if best.mark:
         values = best.cuts._asdict()
         beyond = []
         for name, measured, is_outside in outside(evidence, values):
             if is_outside:
-                beyond.append(f"{name} {values[name]:.3g}, but {evidence.origins} at {measured}")
+                value = f"{name} {values[name]:.3g}"
+                beyond.append(f"{value}, but {evidence.origins} at {measured}")
         yield f"* outside what was {evidence.origins}: {'; '.join(beyond)}"
     yield from _margins(allowed_loads(scenario), scenario)
     for bound in advice[0].bounds:

@@ -206,10 +206,11 @@ def _at_own_cost(scenario: Scenario, one_edge: Scenario, seeds: Sequence[int]) -
     edges.
     """
     rule = best_rule(scenario, one_edge)
-    result = _results(scenario, [_Play(rule.name, play(rule.make, one_edge, seeds))])[0]
+    episodes = play(rule.make, one_edge, seeds)
+    (result,) = _results(scenario, [_Play(rule.name, episodes)])
     minutes = result.cost.value / Prices.of(scenario).minute
-    removal_rate = part_volume(scenario) / minutes
-    economics = one_edge.economics.model_copy(update={"reference_removal_rate": removal_rate})
+    changes = {"reference_removal_rate": part_volume(scenario) / minutes}
+    economics = one_edge.economics.model_copy(update=changes)
     return one_edge.model_copy(update={"economics": economics})
 
 

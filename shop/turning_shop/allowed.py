@@ -72,12 +72,14 @@ def feed_ends(scenario: Scenario) -> list[FeedEnd]:
     ends = [FeedEnd(float(by_machine), "the end of the machine's range or of the chip window")]
     radius = scenario.tool.nose_radius
     if radius:
-        ends.append(FeedEnd(FEED_PER_NOSE * radius, f"half of tool.nose_radius, {radius:g} mm"))
+        by_nose = FEED_PER_NOSE * radius
+        ends.append(FeedEnd(by_nose, f"half of tool.nose_radius, {radius:g} mm"))
     limit = scenario.limits.roughness
     if limit.bounds and limit.feed > 0.0:
         at_unit_feed = limit(1.0, 1.0, scenario.workpiece.depth_of_cut)
-        feed = float((limit.most / at_unit_feed) ** (1.0 / limit.feed))
-        ends.append(FeedEnd(feed, f"limits.roughness, {1000 * limit.most:g} um"))
+        by_roughness = (limit.most / at_unit_feed) ** (1.0 / limit.feed)
+        reason = f"limits.roughness, {1000 * limit.most:g} um"
+        ends.append(FeedEnd(float(by_roughness), reason))
     return sorted(ends)
 
 
@@ -307,15 +309,19 @@ def limited_by_bending(scenario: Scenario, diameter: float, length: float) -> tu
         length: of the bar [mm], which is free from the chuck unless workpiece.overhang is stated.
     """
     overhang = scenario.workpiece.overhang
-    force = bending_force(scenario, diameter=diameter, length=overhang or length)
+    free_length = overhang or length
+    force = bending_force(scenario, diameter=diameter, length=free_length)
     if scenario.file is None or force >= scenario.limits.thrust_force:
         return scenario, ""
+
     note = f"the thrust force is limited to {force:.0f} N, at which {bending(scenario)}: "
     note += bending_fields(scenario)
     if scenario.workpiece.support != "rigid":
-        assumed = "" if overhang else ", its whole length (assumption: workpiece.overhang)"
+        assumed = ""
+        if not overhang:
+            assumed = ", its whole length (assumption: workpiece.overhang)"
         note += f"; the bar has {diameter:g} mm diameter and is free over "
-        note += f"{overhang or length:g} mm{assumed}"
+        note += f"{free_length:g} mm{assumed}"
     return _with_thrust_limit(scenario, force), note
 
 

@@ -204,12 +204,15 @@ def _contradictions(measurements: Measurements) -> Iterator[str]:
 
 def _why_kept(response: str, measurements: Measurements) -> str:
     """Return why a law has no rows."""
+    columns = measurements.columns
     needed = [name for name in (response, *FACTORS[response]) if name != "hardness"]
-    absent = [name for name in needed if name not in measurements.columns]
+    absent = [name for name in needed if name not in columns]
     if absent:
         return f"there is no column {', '.join(absent)}"
-    if response == "wear" and (measurements.columns["wear"] == 0.0).any():
-        return "all rows are of fresh edges, wear 0"
+    if response == "wear":
+        fresh = columns["wear"] == 0.0
+        if fresh.any():
+            return "all rows are of fresh edges, wear 0"
     return f"no row has all of {', '.join(needed)}"
 
 
@@ -304,18 +307,20 @@ def _warnings(fits: Mapping[str, Fit], measurements: Measurements, base: Scenari
             unlike.append(repr(name))
     if unlike:
         shown = ", ".join(unlike[:MAX_IGNORED])
-        more = f" and {len(unlike) - MAX_IGNORED} more" if len(unlike) > MAX_IGNORED else ""
+        further = len(unlike) - MAX_IGNORED
+        more = f" and {further} more" if further > 0 else ""
         columns = "column" if len(unlike) == 1 else "columns"
         verb = "is" if len(unlike) == 1 else "are"
         yield f"{columns} {shown}{more} {verb} not understood and ignored"
     unused = ~_used_rows(measurements)
     if unused.any():
-        first = f"the first in line {measurements.lines[unused][0]}"
-        count = int(unused.sum())
+        lines = measurements.lines[unused]
+        count = len(lines)
         rows = "1 row has" if count == 1 else f"{count} rows have"
-        yield f"{rows} too many empty cells for any law, {first}"
+        yield f"{rows} too many empty cells for any law, the first in line {lines[0]}"
     if "hardness" in measurements.columns:
-        nominal = int(np.isnan(measurements.columns["hardness"]).sum())
+        is_empty = np.isnan(measurements.columns["hardness"])
+        nominal = int(is_empty.sum())
         if nominal:
             yield f"hardness is empty in {nominal} rows, where it was taken as nominal, 1"
     for fitted in fits.values():
@@ -378,13 +383,15 @@ def summary(calibration: Calibration) -> Iterator[str]:
         if response in calibration.forms:
             yield f"  form: {calibration.forms[response]}"
         if fitted.edges:
-            spread = f"{100 * fitted.edges.spread:.2g} % (one standard deviation)"
+            percent = 100 * fitted.edges.spread
+            spread = f"{percent:.2g} % (one standard deviation)"
             yield f"  {fitted.edges.count} edges, which differ by {spread}"
         for name, estimate in fitted.estimates.items():
             interval = f"{estimate.low:.6g} to {estimate.high:.6g}"
             yield f"  {name:<14}{estimate.value:>12.6g}   {interval}"
         for name, reason in fitted.assumed.items():
-            yield f"  {name:<14}{getattr(fitted.law, name):>12.6g}   assumed: {reason}"
+            value = getattr(fitted.law, name)
+            yield f"  {name:<14}{value:>12.6g}   assumed: {reason}"
         if response == "power" and fitted.has_growth:
             yield f"  {_specific_force(fitted)}"
     for response, reason in calibration.kept.items():

@@ -130,11 +130,16 @@ def place(figure: Figure, callouts: Sequence[Callout]) -> None:
     figure.draw_without_rendering()
     for axes in {callout.axes for callout in callouts}:
         here = [callout for callout in callouts if callout.axes is axes]
-        own_texts = [callout.text for callout in here]
-        taken = [text.get_window_extent() for text in axes.texts if text not in own_texts]
-        taken += [_extent(callout.mark) for callout in here]
+        movable = [callout.text for callout in here]
+        taken = []
+        for text in axes.texts:
+            if text not in movable:
+                taken.append(text.get_window_extent())
         for callout in here:
-            taken.append(_placed(callout, taken))
+            taken.append(_extent(callout.mark))
+        for callout in here:
+            area = _placed(callout, taken)
+            taken.append(area)
 
 
 def _dpi(mark: Line2D) -> float:
@@ -158,10 +163,11 @@ def _placed(callout: Callout, taken: Sequence[Bbox]) -> Bbox:
     least = math.inf
     for place in _places(callout, within):
         area = _put(callout, place)
-        covered = area.width * area.height - _common(area, within)
-        covered += sum(_common(area, other) for other in taken)
+        beyond = area.width * area.height - _common(area, within)
+        covered = beyond + sum(_common(area, other) for other in taken)
         crossed = sum(_crosses(callout, area, other) for other in taken)
-        disturbance = covered + CROSSING * crossed + NEARNESS * math.hypot(place.x, place.y)
+        distance = math.hypot(place.x, place.y)
+        disturbance = covered + CROSSING * crossed + NEARNESS * distance
         if disturbance < least:
             least = disturbance
             best = place
@@ -206,10 +212,10 @@ def _places(callout: Callout, within: Bbox) -> Iterator[Place]:
     A text extends from the mark towards the middle of the map, if there is room.
     """
     x, y = _extent(callout.mark).min
-    to_left = x > 0.5 * (within.x0 + within.x1)
-    to_bottom = y > 0.5 * (within.y0 + within.y1)
-    sides = (-1.0, 1.0) if to_left else (1.0, -1.0)
-    heights = (-1.0, 1.0) if to_bottom else (1.0, -1.0)
+    middle_x = 0.5 * (within.x0 + within.x1)
+    middle_y = 0.5 * (within.y0 + within.y1)
+    sides = (-1.0, 1.0) if x > middle_x else (1.0, -1.0)
+    heights = (-1.0, 1.0) if y > middle_y else (1.0, -1.0)
     for across, up, side, height in itertools.product(DISTANCES, DISTANCES, sides, heights):
         yield Place(
             x=side * across,

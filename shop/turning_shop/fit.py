@@ -186,12 +186,14 @@ def regressor(law: PowerLaw, term: str, factors: Mapping[str, Values]) -> Values
     """
     if term == "wear_growth":
         wear = factors["wear"]
-        return np.asarray(law.wear * wear / (1.0 + law.wear_growth * wear))
+        slope = law.wear * wear / (1.0 + law.wear_growth * wear)
+        return np.asarray(slope)
+    factor = factors[term]
     if term == "depth_of_cut":
-        return np.asarray(np.log(factors[term] / law.reference_depth_of_cut))
-    if term == "wear":
-        return np.asarray(np.log(law.wear_term(factors["wear"])))
-    return np.asarray(np.log(factors[term]))
+        factor = factor / law.reference_depth_of_cut
+    elif term == "wear":
+        factor = law.wear_term(factor)
+    return np.asarray(np.log(factor))
 
 
 def curve_slope(law: PowerLaw, factors: Mapping[str, Values], reference: float) -> Values:
@@ -347,18 +349,26 @@ def _regression(sample: _Sample, base: PowerLaw, fitted: Sequence[str]) -> Regre
     """Return the regression of a law on the numbers that are fitted."""
     has_growth = "wear_growth" in fitted
     exponents = [name for name in fitted if name != "wear_growth"]
+    # The law with the numbers that are not fitted alone.
     assumed_part = base.model_dump() | {"coefficient": 1.0} | dict.fromkeys(exponents, 0.0)
     if has_growth:
         assumed_part |= {"wear": 0.0, "wear_growth": 0.0}
     known = PowerLaw.model_validate(assumed_part)
+
     columns = [np.ones(len(sample.measured))]
-    columns += [regressor(base, name, sample.factors) for name in exponents]
+    for name in exponents:
+        columns.append(regressor(base, name, sample.factors))
+    progress = None
+    for name in PROGRESS:
+        if name in fitted:
+            progress = 1 + fitted.index(name)
+            break
     return Regression(
         target=np.log(sample.measured) - np.log(known(**sample.factors)),
         design=np.column_stack(columns),
         wear=sample.factors["wear"] if has_growth else None,
         wear_exponent=base.wear,
-        progress=next((1 + fitted.index(name) for name in PROGRESS if name in fitted), None),
+        progress=progress,
     )
 
 
@@ -375,8 +385,10 @@ def _reading_of_other_edge(
     residual = np.log(sample.measured / law(**sample.factors))
     members = np.bincount(edges.group)
     root_weight = 1.0 / np.sqrt(members[edges.group])
-    design = np.column_stack([np.ones(len(slope)), slope**2]) * root_weight[:, np.newaxis]
-    variances = optimize.nnls(design, residual**2 * root_weight)[0]
+    regressors = np.column_stack([np.ones(len(slope)), slope**2])
+    design = regressors * root_weight[:, np.newaxis]
+    target = residual**2 * root_weight
+    variances = optimize.nnls(design, target)[0]
     # Each number that is estimated between edges takes one of them away.
     variances *= edges.count / edges.degrees[0]
     level, curve = np.sqrt(variances)
@@ -416,20 +428,25 @@ def _degrees_of_reading(variance_within: float, edges: EdgeEffect) -> float:
     between them. The latter is (mean square of edges - variance within) / readings of an edge.
     """
     rows = len(edges.group)
+    numbers_within = sum(edges.is_within)
     degrees_between = edges.degrees[0]
-    degrees_within = max(rows - edges.count - sum(edges.is_within), 1)
-    of_edges = variance_within / edges.readings + edges.spread**2
+    degrees_within = max(rows - edges.count - numbers_within, 1)
+    variance_between = edges.spread**2
+    of_edges = variance_within / edges.readings + variance_between
     of_rows = variance_within * (1.0 - 1.0 / edges.readings)
-    total = variance_within + edges.spread**2
-    return total**2 / (of_edges**2 / degrees_between + of_rows**2 / degrees_within)
+    total = variance_within + variance_between
+    between = of_edges**2 / degrees_between
+    within = of_rows**2 / degrees_within
+    return total**2 / (between + within)
 
 
 def _estimates(law: PowerLaw, names: Sequence[str], solved: Solution) -> dict[str, Estimate]:
     """Return the numbers of a fitted law with their intervals of confidence ``LEVEL``."""
-    # Student's t, as the scatter is estimated from the same rows.
-    # Of Student's t; scipy.stats, which has a name for it, takes long to import.
+    # Student's t, as the scatter is estimated from the same rows; scipy.stats, which has a name for
+    # it, takes long to import.
     quantiles = special.stdtrit(solved.degrees, 0.5 + 0.5 * LEVEL)
-    margins = np.sqrt(np.diag(solved.covariance)) * quantiles
+    deviations = np.sqrt(np.diag(solved.covariance))
+    margins = deviations * quantiles
     low = solved.unbounded - margins
     high = solved.unbounded + margins
     # The first parameter is the coefficient's logarithm.
@@ -498,14 +515,17 @@ def rows_correlate(fitted: Fit) -> bool:
     compares the variance of the residuals between settings with the variance within them.
     """
     residuals = fitted.log_residuals
-    settings = np.stack([fitted.factors[name] for name in SETTINGS], axis=1)
+    columns = [fitted.factors[name] for name in SETTINGS]
+    settings = np.stack(columns, axis=1)
     group = np.unique(settings, axis=0, return_inverse=True)[1]
     members = np.bincount(group)
     means = np.bincount(group, residuals) / members
+
     # The coefficient and the exponents of settings are decided between them, the others within.
-    between = 1 + sum(name in SETTINGS for name in fitted.estimates)
-    degrees_between = len(members) - between
-    degrees_within = len(residuals) - len(members) - (len(fitted.estimates) - between)
+    numbers_between = 1 + sum(name in SETTINGS for name in fitted.estimates)
+    numbers_within = len(fitted.estimates) - numbers_between
+    degrees_between = len(members) - numbers_between
+    degrees_within = len(residuals) - len(members) - numbers_within
     if degrees_between < 1 or degrees_within < 1:
         return False
     within = residuals - means[group]
@@ -514,8 +534,9 @@ def rows_correlate(fitted: Fit) -> bool:
         return False
     variance_between = float(members @ means**2) / degrees_between
     ratio = variance_between / variance_within
-    # The probability of a larger ratio, by the F distribution.
-    return bool(special.fdtrc(degrees_between, degrees_within, ratio) < SIGNIFICANCE)
+    # By the F distribution.
+    probability_of_larger = special.fdtrc(degrees_between, degrees_within, ratio)
+    return bool(probability_of_larger < SIGNIFICANCE)
 
 
 def _log_factor(term: str, factors: Mapping[str, Values], base: PowerLaw) -> Values:

@@ -113,11 +113,13 @@ class _Errors(NamedTuple):
     def compared(self, measurements: Measurements) -> str:
         """Return the median errors of both forms for people."""
         left_out = "rows" if measurements.edges is None else "edges"
-        growth = 100.0 * np.expm1(np.median(np.concatenate(self.with_growth)))
-        power = 100.0 * np.expm1(np.median(np.concatenate(self.as_power)))
+        with_growth = np.median(np.concatenate(self.with_growth))
+        as_power = np.median(np.concatenate(self.as_power))
+        growth_percent = 100.0 * np.expm1(with_growth)
+        power_percent = 100.0 * np.expm1(as_power)
         return (
-            f"the median error at worn {left_out} left out is {growth:.2g} % by 1 + b VB "
-            f"and {power:.2g} % by a power of VB"
+            f"the median error at worn {left_out} left out is {growth_percent:.2g} % by 1 + b VB "
+            f"and {power_percent:.2g} % by a power of VB"
         )
 
 
@@ -155,10 +157,11 @@ def folds(
     """Yield at most ``count`` parts of rows, each of whole edges if edges have names."""
     groups = measurements.lines if measurements.edges is None else measurements.edges
     place = np.unique(groups[rows], return_inverse=True)[1]
+    num_groups = int(place.max(initial=-1)) + 1
     fold = np.full(len(rows), -1)
     # Edges that follow one another often have like settings: they go to different parts.
     fold[rows] = place % count
-    for number in range(min(count, int(place.max(initial=-1)) + 1)):
+    for number in range(min(count, num_groups)):
         yield fold == number
 
 
@@ -221,24 +224,33 @@ def misfit(fitted: Fit, distance: Values) -> Misfit | None:
     factor = "time" if fitted.response == "wear" else "wear"
     values = fitted.factors[factor]
     residual = independent(distance, fitted.edges)
-    unit = np.arange(len(values)) if fitted.edges is None else fitted.edges.group
-    ends = np.unique(np.quantile(values, np.linspace(0.0, 1.0, BINS + 1)))
-    place = np.clip(np.searchsorted(ends, values, side="right") - 1, 0, max(len(ends) - 2, 0))
+    # Rows of one edge deviate together, so that edges are the sample.
+    unit = np.arange(len(values))
+    if fitted.edges is not None:
+        unit = fitted.edges.group
+
+    quantiles = np.linspace(0.0, 1.0, BINS + 1)
+    ends = np.unique(np.quantile(values, quantiles))
+    last_bin = max(len(ends) - 2, 0)
+    bins = np.searchsorted(ends, values, side="right") - 1
+    bins = np.clip(bins, 0, last_bin)
     worst = None
-    for number in np.unique(place):
-        inside = place == number
+    for number in np.unique(bins):
+        inside = bins == number
         sums = np.bincount(unit[inside], residual[inside])
         members = np.bincount(unit[inside])
-        means = sums[members > 0] / members[members > 0]
-        if len(means) < MIN_UNITS:
+        has_rows = members > 0
+        means = sums[has_rows] / members[has_rows]
+        count = len(means)
+        if count < MIN_UNITS:
             continue
-        # Rows of one edge deviate together, so that edges are the sample.
-        error = means.std(ddof=1) / np.sqrt(len(means))
+        mean = means.mean()
+        error = means.std(ddof=1) / np.sqrt(count)
         # Of Student's t; scipy.stats, which has a name for it, takes long to import.
-        quantile = -special.stdtrit(len(means) - 1, 0.5 * SIGNIFICANCE / BINS)
-        if abs(means.mean()) < max(MIN_MISFIT, quantile * error):
+        quantile = -special.stdtrit(count - 1, 0.5 * SIGNIFICANCE / BINS)
+        if abs(mean) < max(MIN_MISFIT, quantile * error):
             continue
-        ratio = float(np.exp(means.mean()))
+        ratio = float(np.exp(mean))
         if worst is None or abs(np.log(ratio)) > abs(np.log(worst.ratio)):
             low = float(values[inside].min())
             high = float(values[inside].max())

@@ -301,18 +301,21 @@ def _below_header(filled: Sequence[Row]) -> _Table:
     """Return the table below the row that names most columns; it is empty if there is no row."""
     if not filled:
         return _Table(header=[], rows=[], notes=[])
-    first_rows = filled[:MAX_ABOVE]
-    start = max(range(len(first_rows)), key=lambda index: _understood(first_rows[index].cells))
+    understood = [_understood(row.cells) for row in filled[:MAX_ABOVE]]
+    start = understood.index(max(understood))
     header = filled[start].cells
+    width = len(header)
     notes = []
     if start:
-        rows_above = f"{start} other row{'s' if start > 1 else ''}"
-        notes.append(f"header in line {filled[start].line}, below {rows_above}")
+        plural = "s" if start > 1 else ""
+        notes.append(f"header in line {filled[start].line}, below {start} other row{plural}")
     rows = []
     for row in filled[start + 1 :]:
         # Empty cells beyond the header are left over from a separator at the end of the line.
-        has_more = any(row.cells[len(header) :])
-        rows.append(row if has_more else Row(row.line, row.cells[: len(header)]))
+        has_more = any(row.cells[width:])
+        if not has_more:
+            row = Row(row.line, row.cells[:width])
+        rows.append(row)
     return _Table(header, rows, notes=notes)
 
 
@@ -331,8 +334,11 @@ def _with_units(table: _Table) -> _Table:
     for text, cell in zip(table.header, cells, strict=True):
         unit = cell.strip(" []()")
         has_brackets = text.strip()[-1:] in tuple("])}>")
-        header.append(f"{text} [{unit}]" if is_unit(unit) and not has_brackets else text)
-    return _Table(header, table.rows[1:], notes=[*table.notes, f"units in line {line}"])
+        if is_unit(unit) and not has_brackets:
+            text = f"{text} [{unit}]"
+        header.append(text)
+    notes = [*table.notes, f"units in line {line}"]
+    return _Table(header, table.rows[1:], notes=notes)
 
 
 def _without_statistics(table: _Table) -> _Table:
@@ -438,20 +444,22 @@ def _listed(complaints: Sequence[str], may_be_decimal_commas: bool) -> str:
 def _unit_questions(headings: Sequence[Heading], rows: Sequence[Row]) -> Iterator[str]:
     """Yield questions on columns with numbers outside their range, and the units that they fit."""
     for place, heading in enumerate(headings):
-        if heading.column not in COLUMNS:
+        name = heading.column
+        if name not in COLUMNS:
             continue
         magnitudes = [number for number in _magnitudes(rows, place) if number > 0.0]
         if not magnitudes:
             continue
-        column = COLUMNS[heading.column]
+        column = COLUMNS[name]
         low = min(magnitudes)
         high = max(magnitudes)
         if column.low <= heading.factor * low and heading.factor * high <= column.high:
             continue
-        units = plausible_units(heading.column, low, high)
-        example = f"--unit {heading.column}={units[0] if units else 'UNIT'}"
+        units = plausible_units(name, low, high)
+        first_unit = units[0] if units else "UNIT"
         likely = f", such as {' or '.join(units)}" if units else ""
-        yield f"; is {heading.column} in another unit{likely}? Then say it: {example}"
+        example = f"--unit {name}={first_unit}"
+        yield f"; is {name} in another unit{likely}? Then say it: {example}"
 
 
 def _add_resultants(columns: dict[str, NDArray[np.float64]]) -> Iterator[str]:
@@ -484,9 +492,12 @@ def _edges(rows: Sequence[Row], headings: Sequence[Heading]) -> NDArray[np.int64
     if EDGE not in columns:
         return None
     place = columns.index(EDGE)
-    # A row without a name gets an edge of its own, under a name that no cell can hold.
-    names = [row.cells[place] or f"\n{row.line}" for row in rows]
-    return np.unique(names, return_inverse=True)[1]
+    names = []
+    for row in rows:
+        # A row without a name gets an edge of its own, under a name that no cell can hold.
+        names.append(row.cells[place] or f"\n{row.line}")
+    _, numbers = np.unique(names, return_inverse=True)
+    return numbers
 
 
 def _read_header(table: _Table, source: str, stated: _Stated) -> list[Heading]:
@@ -586,9 +597,12 @@ def _magnitudes(rows: Sequence[Row], place: int) -> list[float]:
     """Return the absolute values of the numbers in a column."""
     magnitudes = []
     for row in rows:
-        if place < len(row.cells) and _is_number(row.cells[place]):
-            cell = row.cells[place].strip().replace(",", ".")
-            magnitudes.append(abs(float(cell)))
+        if place >= len(row.cells):
+            continue
+        cell = row.cells[place]
+        if _is_number(cell):
+            number = float(cell.strip().replace(",", "."))
+            magnitudes.append(abs(number))
     return magnitudes
 
 
@@ -633,10 +647,12 @@ def _refuse_superfluous(headings: Sequence[Heading], source: str, stated: _State
     texts = {heading.column: heading.text for heading in headings}
     for name in stated.constants:
         if name in texts:
-            raise WorkshopError(f"{source}: --set {name}: column {texts[name]!r} is {name} already")
+            text = texts[name]
+            raise WorkshopError(f"{source}: --set {name}: column {text!r} is {name} already")
     for name, unit in stated.units.items():
         if name not in texts:
-            raise WorkshopError(f"{source}: --unit {name}={unit}: there is no column {name}")
+            option = f"--unit {name}={unit}"
+            raise WorkshopError(f"{source}: {option}: there is no column {name}")
 
 
 def _ask_for_axes(headings: Sequence[Heading], rows: Sequence[Row], source: str) -> None:

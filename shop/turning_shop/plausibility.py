@@ -159,11 +159,14 @@ def law_problems(fits: Mapping[str, Fit], wear_criterion: float) -> Iterator[str
         if fitted.edges is None and rows_correlate(fitted):
             continue
         for name in RISING[response]:
-            term = "wear_growth" if name == "wear" and fitted.has_growth else name
+            is_growth = name == "wear" and fitted.has_growth
+            term = "wear_growth" if is_growth else name
             estimate = fitted.estimates.get(term)
             if estimate and estimate.high < 0:
                 interval = f"{estimate.low:.3g} to {estimate.high:.3g}"
-                number = term if term == "wear_growth" else f"exponent {estimate.value:.3g}"
+                number = f"exponent {estimate.value:.3g}"
+                if is_growth:
+                    number = term
                 yield f"{response}: falls with {name}: {number}, {interval}"
     if "wear" in fits:
         yield from _wear_law_problems(fits["wear"], wear_criterion)
@@ -218,13 +221,15 @@ def _problem(quantity: Derived, lines: NDArray[np.int64], columns: Columns) -> s
     if not wrong.any():
         return ""
     values = quantity.of(columns)[wrong]
-    lowest, highest = f"{values.min():.3g}", f"{values.max():.3g}"
+    lowest = f"{values.min():.3g}"
+    highest = f"{values.max():.3g}"
     shown = lowest if lowest == highest else f"{lowest} to {highest}"
     # An implausible life is not a typing error of some rows: it follows from the law of all.
     if quantity.name != "life" and wrong.mean() < FEW:
         cause = "typing errors?"
     else:
-        cause = _likely_unit(quantity, {name: values[wrong] for name, values in columns.items()})
+        wrong_rows = {name: values[wrong] for name, values in columns.items()}
+        cause = _likely_unit(quantity, wrong_rows)
     return (
         f"{quantity.meaning} is {shown} {quantity.unit} in {name_lines(lines[wrong])}, "
         f"where {quantity.low:g} to {quantity.high:g} is plausible: {cause}"
@@ -270,12 +275,18 @@ def _strangeness(quantity: Derived, columns: Columns) -> float:
 def name_lines(lines: Iterable[int]) -> str:
     """Return lines of a file for people, as ranges: "lines 2 to 9, 12"."""
     numbers = np.unique(np.fromiter(lines, int))
-    runs = np.split(numbers, np.flatnonzero(np.diff(numbers) > 1) + 1)
-    ranges = [f"{run[0]} to {run[-1]}" if len(run) > 1 else str(run[0]) for run in runs]
+    gaps = np.flatnonzero(np.diff(numbers) > 1)
+    ranges = []
+    for run in np.split(numbers, gaps + 1):
+        if len(run) > 1:
+            ranges.append(f"{run[0]} to {run[-1]}")
+        else:
+            ranges.append(str(run[0]))
     named = ", ".join(ranges[:MAX_NAMED])
     if len(ranges) > MAX_NAMED:
         named += ", ..."
-    return f"line{'s' if len(numbers) > 1 else ''} {named}"
+    word = "lines" if len(numbers) > 1 else "line"
+    return f"{word} {named}"
 
 
 class RobustFit(NamedTuple):
@@ -300,12 +311,14 @@ def robust_fit(fitted: Fit) -> RobustFit:
     if rows >= count + SPARE_ROWS:
         change = _robust_change(residual, design)
     distance = np.asarray(residual - design @ change)
+    size = np.abs(distance)
     # The median is small in small samples; 1 + 5 / (n - p) corrects it (Rousseeuw and Leroy 1987).
-    median = float(np.median(np.abs(distance)))
-    scale = SIGMA_PER_MEDIAN * median * (1.0 + 5.0 / max(rows - count, 1))
-    suspect = np.abs(distance) > SUSPECT * scale
-    outlying = _outlying(residual, design, suspect)
-    return RobustFit(distance, np.asarray(outlying & (np.abs(distance) > MIN_FAR)))
+    median = float(np.median(size))
+    correction = 1.0 + 5.0 / max(rows - count, 1)
+    scale = SIGMA_PER_MEDIAN * median * correction
+    suspect = size > SUSPECT * scale
+    outlying = _outlying(residual, design, suspect) & (size > MIN_FAR)
+    return RobustFit(distance, np.asarray(outlying))
 
 
 def _robust_change(residual: Values, design: Values) -> Values:
@@ -314,14 +327,16 @@ def _robust_change(residual: Values, design: Values) -> Values:
     rng = np.random.default_rng(0)
     # The quantile of least squares with the highest breakdown point.
     quantile = (rows + count + 1) // 2
-    picks = [rng.choice(rows, count + 1, replace=False) for _ in range(SUBSETS)]
     starts = [np.zeros(count)]
-    for pick in picks:
-        starts.append(np.linalg.lstsq(design[pick], residual[pick], rcond=None)[0])
+    for _ in range(SUBSETS):
+        pick = rng.choice(rows, count + 1, replace=False)
+        solution, *_ = np.linalg.lstsq(design[pick], residual[pick], rcond=None)
+        starts.append(solution)
     medians = []
     for start in starts:
         distance = np.abs(residual - design @ start)
-        medians.append(np.partition(distance, quantile - 1)[quantile - 1])
+        ordered = np.partition(distance, quantile - 1)
+        medians.append(ordered[quantile - 1])
     start = starts[int(np.argmin(medians))]
     # A scale of 0, if rows fit exactly, has no loss.
     scale = max(SIGMA_PER_MEDIAN * float(min(medians)), 1e-9)
@@ -343,13 +358,18 @@ def _outlying(residual: Values, design: Values, suspect: NDArray[np.bool_]) -> N
     if degrees < SPARE_ROWS or not suspect.any():
         return np.zeros_like(suspect)
     inverse = np.linalg.pinv(design[kept])
-    distance = residual - design @ (inverse @ residual[kept])
-    variance = float(distance[kept] @ distance[kept]) / degrees
+    change = inverse @ residual[kept]
+    distance = residual - design @ change
+    kept_distance = distance[kept]
+    variance = float(kept_distance @ kept_distance) / degrees
     leverage = ((design @ inverse) ** 2).sum(axis=1)
+    new_row_variance = variance * (1.0 + leverage)
     # Of Student's t.
-    quantile = -special.stdtrit(degrees, 0.5 * OUTLIER_SIGNIFICANCE / len(residual))
-    limit = quantile * np.sqrt(variance * (1.0 + leverage))
-    return np.asarray(suspect & (np.abs(distance) > limit))
+    level = 0.5 * OUTLIER_SIGNIFICANCE / len(residual)
+    quantile = -special.stdtrit(degrees, level)
+    limit = quantile * np.sqrt(new_row_variance)
+    is_far = np.abs(distance) > limit
+    return np.asarray(suspect & is_far)
 
 
 def outliers(fits: Mapping[str, Fit], robust: Mapping[str, RobustFit]) -> Iterator[str]:
@@ -357,16 +377,19 @@ def outliers(fits: Mapping[str, Fit], robust: Mapping[str, RobustFit]) -> Iterat
 
     ``robust`` holds the laws whose form fits.
     """
-    faults: dict[int, list[str]] = {}  # by line
+    faults_by_line: dict[int, list[str]] = {}
     for name, law in robust.items():
         fitted = fits[name]
-        wrong = law.outlying & ~_of_unusual_edge(fitted, law) & _far_from_edge(fitted, law)
+        usual_edge = ~_of_unusual_edge(fitted, law)
+        wrong = law.outlying & usual_edge & _far_from_edge(fitted, law)
         for row in np.flatnonzero(wrong):
             ratio = _times(np.exp(law.distance[row]))
-            fault = f"{name} is {ratio} the law of the other rows"
-            faults.setdefault(int(fitted.lines[row]), []).append(fault)
-    for line in sorted(faults):
-        yield f"line {line}: {' and '.join(faults[line])}: check its numbers"
+            line = int(fitted.lines[row])
+            faults = faults_by_line.setdefault(line, [])
+            faults.append(f"{name} is {ratio} the law of the other rows")
+    for line in sorted(faults_by_line):
+        listed = " and ".join(faults_by_line[line])
+        yield f"line {line}: {listed}: check its numbers"
 
 
 def _of_unusual_edge(fitted: Fit, robust: RobustFit) -> NDArray[np.bool_]:
@@ -388,11 +411,13 @@ def _far_from_edge(fitted: Fit, robust: RobustFit) -> NDArray[np.bool_]:
     odd; a typing error is in one row.
     """
     group = _edge_of_rows(fitted)
+    distance = robust.distance
     far = np.ones(len(group), np.bool_)
     for row in np.flatnonzero(robust.outlying):
-        others = robust.distance[group == group[row]]
-        if len(others) > 2:
-            far[row] = abs(robust.distance[row] - np.median(others)) > MIN_FAR
+        of_edge = distance[group == group[row]]
+        if len(of_edge) > 2:
+            from_edge = abs(distance[row] - np.median(of_edge))
+            far[row] = from_edge > MIN_FAR
     return far
 
 
@@ -410,8 +435,9 @@ def unusual_edges(fits: Mapping[str, Fit], robust: Mapping[str, RobustFit]) -> I
         fitted = fits[name]
         odd = law.outlying & _of_unusual_edge(fitted, law)
         if odd.any():
-            where = f"in {name_lines(fitted.lines[odd])}"
-            yield f"{name}: all readings of an edge lie far from the law, {where}: an unusual edge?"
+            lines = name_lines(fitted.lines[odd])
+            fault = f"all readings of an edge lie far from the law, in {lines}"
+            yield f"{name}: {fault}: an unusual edge?"
 
 
 def _times(ratio: float) -> str:

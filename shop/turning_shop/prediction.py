@@ -60,8 +60,9 @@ class LawEvidence(BaseModel, frozen=True, allow_inf_nan=False):
         regressors = [np.ones_like(factors["feed"])]
         for name in self.terms:
             regressors.append(regressor(law, name, factors))
-        point = np.stack(np.broadcast_arrays(*regressors), axis=-1)
-        variance = np.einsum("...i,ij,...j", point, np.array(self.covariance), point)
+        slopes = np.stack(np.broadcast_arrays(*regressors), axis=-1)
+        covariance = np.array(self.covariance)
+        variance = np.einsum("...i,ij,...j", slopes, covariance, slopes)
         variance = np.maximum(variance, 0.0)
         if of_reading:
             variance = variance + self.scatter**2
@@ -118,13 +119,21 @@ class MeasuredRange(NamedTuple):
 def outside(evidence: Evidence, values: Mapping[str, Values]) -> Iterator[MeasuredRange]:
     """Yield the measured range of each factor of the laws, and whether its values lie outside."""
     for name, column in COLUMNS.items():
-        ranges = [law.measured[name] for law in evidence.laws.values() if name in law.measured]
-        if ranges:
-            low = max(low for low, _ in ranges)
-            high = min(high for _, high in ranges)
-            ends = f"{low:.3g}" if low == high else f"{low:.3g} to {high:.3g}"
-            text = f"{ends} {column.unit}"
-            yield MeasuredRange(name, text, outside=_beyond(values[name], low, high))
+        lows = []
+        highs = []
+        for law in evidence.laws.values():
+            if name in law.measured:
+                law_low, law_high = law.measured[name]
+                lows.append(law_low)
+                highs.append(law_high)
+        if not lows:
+            continue
+        # The range that all laws cover.
+        low = max(lows)
+        high = min(highs)
+        ends = f"{low:.3g}" if low == high else f"{low:.3g} to {high:.3g}"
+        is_outside = _beyond(values[name], low, high)
+        yield MeasuredRange(name, f"{ends} {column.unit}", outside=is_outside)
 
 
 def _beyond(values: Values, low: float, high: float) -> NDArray[np.bool_]:

@@ -301,12 +301,14 @@ def _without_unstated(scenario: Scenario, stated: set[str]) -> tuple[Scenario, l
     """
     values = flat(scenario.model_dump())
     neutral = _neutral_values()
-    switches = [name for name in values if name in _OFF or name.startswith(_OFF_BY_DEFAULT)]
-    unstated = [name for name in switches if name not in stated]
-    reduced = _changed(
-        scenario,
-        nested((name, neutral[name]) for name in unstated if name in neutral),
-    )
+    unstated = []
+    for name in values:
+        is_switch = name in _OFF or name.startswith(_OFF_BY_DEFAULT)
+        if is_switch and name not in stated:
+            unstated.append(name)
+    changes = nested((name, neutral[name]) for name in unstated if name in neutral)
+    reduced = _changed(scenario, changes)
+
     # The nominal model holds what differs from the scenario, of which only stated values stay.
     prefix = "nominal_model."
     nominal_names = [name for name in stated if name.startswith(prefix)]
@@ -345,7 +347,11 @@ def _assumed(scenario: Scenario, stated: set[str], needed: Mapping[str, str]) ->
         # Overrides are of the programmed feed, at the programmed speed.
         units["control.initial_cutting_speed"] = None
         units["control.initial_feed"] = None
-    return [shown(scenario, name, unit) for name, unit in units.items() if name not in stated]
+    assumed = []
+    for name, unit in units.items():
+        if name not in stated:
+            assumed.append(shown(scenario, name, unit))
+    return assumed
 
 
 def _is_on(scenario: Scenario, switch: str) -> bool:

@@ -135,23 +135,30 @@ def _best_growth(regression: Regression, edges: EdgeEffect | None) -> float:
         """Return the squared length of what the other parameters cannot explain, of growths."""
         targets = [regression.without_wear(growth) for growth in growths]
         target = independent(np.column_stack(targets), edges)
-        return np.asarray((target**2).sum(axis=0) - ((basis.T @ target) ** 2).sum(axis=0))
+        explained = basis.T @ target
+        return np.asarray((target**2).sum(axis=0) - (explained**2).sum(axis=0))
 
     def misfit(log_growth: float) -> float:
-        return float(misfits(np.exp([log_growth]))[0])
+        growth = np.exp([log_growth])
+        return float(misfits(growth)[0])
 
     # The misfit may have several minima: search the neighbourhood of the lowest.
     logs = np.log(GROWTHS)
     tried = misfits(GROWTHS)
     best = int(np.argmin(tried))
-    low = logs[max(best - 1, 0)]
-    high = logs[min(best + 1, len(logs) - 1)]
+    below = max(best - 1, 0)
+    above = min(best + 1, len(logs) - 1)
     minimum = optimize.minimize_scalar(
-        misfit, bounds=(low, high), method="bounded", options={"xatol": 0.1 * GROWTH_TOLERANCE}
+        misfit,
+        bounds=(logs[below], logs[above]),
+        method="bounded",
+        options={"xatol": 0.1 * GROWTH_TOLERANCE},
     )
-    found = minimum.x if minimum.fun < tried[best] else logs[best]
+    log_growth = logs[best]
+    if minimum.fun < tried[best]:
+        log_growth = minimum.x
     # The logarithm of an end rounds.
-    return float(np.clip(np.exp(found), MIN_GROWTH, MAX_GROWTH))
+    return float(np.clip(np.exp(log_growth), MIN_GROWTH, MAX_GROWTH))
 
 
 def independent(values: Values, edges: EdgeEffect | None) -> Values:

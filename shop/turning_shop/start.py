@@ -251,12 +251,14 @@ def job_of(question: Question) -> Job:
 def _scenario(name: str, machine: Scenario, stated: set[str], values: dict[str, Any]) -> Scenario:
     """Return the machine's scenario with the values of a job."""
     allowed_name = re.sub(r"[^A-Za-z0-9.-]+", "_", name)[:64]
+    allowed_name = allowed_name.strip("_.")
     base = machine.model_dump(exclude={"name"})
     for start_name in ("initial_cutting_speed", "initial_feed"):
         # A start that only the preset states moves into the range.
         if f"control.{start_name}" not in stated:
             del base["control"][start_name]
-    return Scenario.load({"name": allowed_name.strip("_.")} | merged(base, values))
+    job_values = merged(base, values)
+    return Scenario.load({"name": allowed_name} | job_values)
 
 
 def _check_depth(depth: float, insert: Insert, stock: Stock) -> None:
@@ -488,41 +490,48 @@ def narrowings(job: Job, best: Plan) -> list[Narrowing]:
     The cost is that of the best cut if a law is at the end of its interval.
     """
     wear = job.evidence.laws["wear"]
-    before = wear.log_deviation(job.scenario.material.wear, best.cuts._asdict(), of_reading=False)
-    spread = job.scenario.tool.wear_factor_spread
-    after = 1.0 / math.hypot(1.0 / float(before), 1.0 / max(spread, 1e-3))
+    factors = best.cuts._asdict()
+    deviation = wear.log_deviation(job.scenario.material.wear, factors, of_reading=False)
+    before = float(deviation)
+    spread = max(job.scenario.tool.wear_factor_spread, 1e-3)
+    after = 1.0 / math.hypot(1.0 / before, 1.0 / spread)
     narrowed = _with_wear_evidence(job.evidence, deviation=after)
     better = _plan_again(job, best, narrowed)
     count = max(1.0, float(best.parts_low))
     of_wear = Narrowing(
         action=f"the flank wear of one edge after {count:.0f} {_parts_word(count)}",
-        saving=_cost_range(job, "wear", float(before)) - _cost_range(job, "wear", after),
+        saving=_cost_range(job, "wear", before) - _cost_range(job, "wear", after),
         gain=f"the parts an edge to {_between(better.parts_low, better.parts_high)}",
     )
+
     after = TYPICAL_EDGE_SPREAD["power"]
     power = float(best.cuts.power)
-    half = QUANTILE * after
+    percent = 100 * (QUANTILE * after)
     of_power = Narrowing(
         action="the spindle's power in one cut",
         saving=_cost_range(job, "power", FORCE_DEVIATION) - _cost_range(job, "power", after),
-        gain=f"{power:.1f} kW to within {100 * half:.0f} %",
+        gain=f"{power:.1f} kW to within {percent:.0f} %",
     )
     return sorted((of_wear, of_power), key=lambda narrowing: -narrowing.saving)
 
 
 def _cost_range(job: Job, law: str, deviation: float) -> float:
     """Return how far the least cost goes if a law lies within its 95 % interval."""
+    material = job.scenario.material
+    nominal_law = getattr(material, law)
     costs = []
     for sign in (-1.0, 1.0):
         factor = math.exp(sign * QUANTILE * deviation)
-        changed = getattr(job.scenario.material, law)
-        changed = changed.model_copy(update={"coefficient": factor * changed.coefficient})
-        material = job.scenario.material.model_copy(update={law: changed})
-        scenario = job.scenario.model_copy(update={"material": material})
+        coefficient = factor * nominal_law.coefficient
+        changed_law = nominal_law.model_copy(update={"coefficient": coefficient})
+        changed_material = material.model_copy(update={law: changed_law})
+        scenario = job.scenario.model_copy(update={"material": changed_material})
         tried = tried_plans(scenario, Evidence())
         best = best_plan(scenario, Evidence(), tried, aim=MIN_COST)
-        costs.append(math.inf if best is None else float(best.cost))
-    return abs(costs[1] - costs[0])
+        cost = math.inf if best is None else float(best.cost)
+        costs.append(cost)
+    low, high = costs
+    return abs(high - low)
 
 
 def _with_wear_evidence(evidence: Evidence, deviation: float) -> Evidence:
@@ -564,17 +573,18 @@ def sentence(job: Job, advice: list[Advice]) -> str:
     """
     best = advice[0].plan
     cuts = best.cuts
-    window = job.window
+    low_speed, high_speed = job.window.speeds
     low_feed, high_feed = feed_range(job.scenario)
-    speed = f"{cuts.cutting_speed:.4g} m/min ({window.speeds[0]:.0f} to {window.speeds[1]:.0f})"
+    low_depth, high_depth = job.window.depths
+    speed = f"{cuts.cutting_speed:.4g} m/min ({low_speed:.0f} to {high_speed:.0f})"
     feed = f"{cuts.feed:.3g} mm/rev ({low_feed:.2g} to {high_feed:.2g})"
-    depth = f"{cuts.depth_of_cut:g} mm deep ({window.depths[0]:.2g} to {window.depths[1]:.2g})"
-    edge = (
-        f"{_parts(best.parts)} ({_between(best.parts_low, best.parts_high)}) "
-        f"{_parts_word(best.parts)} an edge"
-    )
+    depth = f"{cuts.depth_of_cut:g} mm deep ({low_depth:.2g} to {high_depth:.2g})"
+
+    parts = _between(best.parts_low, best.parts_high)
+    edge = f"{_parts(best.parts)} ({parts}) {_parts_word(best.parts)} an edge"
     unit = Prices.of(job.scenario).unit
-    cost = f"{money(best.cost)} {unit} a part ({money(best.cost_low)} to {money(best.cost_high)})"
+    interval = f"{money(best.cost_low)} to {money(best.cost_high)}"
+    cost = f"{money(best.cost)} {unit} a part ({interval})"
     narrowing = narrowings(job, best)[0]
     return (
         f"Cut {speed}, {feed}, {depth}: {edge}, {cost}; {_binding(job, advice[0])}; "
@@ -622,10 +632,20 @@ def _grounds(job: Job) -> Iterator[str]:
 def toml_of(job: Job, out: Path) -> str:
     """Return the job as a scenario's file, with its evidence; ``calibrate`` can take it as base."""
     lines = [f"# Laws of a catalogue, not measured: {job.material.described}."]
-    lines += [f"# {line}" for line in (*job.sources, *job.assumptions)]
+    for line in (*job.sources, *job.assumptions):
+        lines.append(f"# {line}")
+    comment = "\n".join(lines)
+
+    base = job.machine
     path = Path(job.machine)
-    base = os.path.relpath(path, out.parent) if path.suffix == ".toml" else job.machine
-    own = (*job.start.assumptions, *job.insert.assumptions, *job.window.assumptions)
-    evidence = job.evidence.model_copy(update={"warnings": own})
-    values = {"base": base} | job.values | {"calibration": evidence.model_dump(mode="json")}
-    return "\n".join(lines) + "\n\n" + tomli_w.dumps(values)
+    if path.suffix == ".toml":
+        base = os.path.relpath(path, out.parent)
+    warnings = (
+        *job.start.assumptions,
+        *job.insert.assumptions,
+        *job.window.assumptions,
+    )
+    evidence = job.evidence.model_copy(update={"warnings": warnings})
+    values = {"base": base} | job.values
+    values["calibration"] = evidence.model_dump(mode="json")
+    return f"{comment}\n\n{tomli_w.dumps(values)}"

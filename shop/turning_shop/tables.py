@@ -32,7 +32,8 @@ def records(cuts: Cuts, prediction: "Prediction | None" = None) -> list[dict[str
         columns["extrapolated"] = prediction.extrapolated
     rows: list[dict[str, Any]] = [{} for _ in range(cuts.wear.size)]
     for name, values in columns.items():
-        for row, value in zip(rows, values.ravel().tolist(), strict=True):
+        numbers = values.ravel().tolist()
+        for row, value in zip(rows, numbers, strict=True):
             row[name] = value if np.isfinite(value) else None
     return rows
 
@@ -80,26 +81,30 @@ def table(
     """
     columns = []
     for name, shown in _TABLE.items():
-        column = [shown.heading, units.name(shown.unit)]
+        unit = units.name(shown.unit)
+        column = [shown.heading, unit]
         for value in getattr(cuts, name).ravel():
-            # The share of a load's limit is 0 if the limit is off.
-            is_off = name in _LIMITED and value == 0.0
             cell = units.cell(shown.factor * value, shown.unit, shown.form)
-            column.append("off" if is_off else cell)
+            # The share of a load's limit is 0 if the limit is off.
+            if name in _LIMITED and value == 0.0:
+                cell = "off"
+            column.append(cell)
         columns.append(column)
         if prediction and name in prediction.low and np.isfinite(prediction.low[name]).any():
-            interval = ["95 %", units.name(shown.unit)]
+            interval = ["95 %", unit]
             lows = prediction.low[name].ravel()
             highs = prediction.high[name].ravel()
             for low, high in zip(lows, highs, strict=True):
                 low_cell = units.cell(low, shown.unit, shown.form)
-                interval.append(f"{low_cell}-{units.cell(high, shown.unit, shown.form)}")
+                high_cell = units.cell(high, shown.unit, shown.form)
+                interval.append(f"{low_cell}-{high_cell}")
             columns.append(interval)
     if prediction:
         marks = ["*" if extrapolated else "" for extrapolated in prediction.extrapolated.ravel()]
         columns.append(["", "", *marks])
     columns.append(["exceeded", "", *_exceeded(cuts, bending_force)])
-    yield from aligned(list(zip(*columns, strict=True)))
+    rows = list(zip(*columns, strict=True))
+    yield from aligned(rows)
 
 
 def _exceeded(cuts: Cuts, bending_force: float) -> Iterator[str]:

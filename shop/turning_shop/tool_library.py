@@ -134,7 +134,8 @@ def completed(tool: Tool) -> Tool:
 
 def _tools_of_csv(text: str) -> Iterator[Tool]:
     """Yield the tools of a table with one tool per row, in the columns of ``NAMES``."""
-    separator = max(",;\t", key=text.partition("\n")[0].count)
+    first_line, _, _ = text.partition("\n")
+    separator = max(",;\t", key=first_line.count)
     rows = csv.reader(io.StringIO(text, newline=""), delimiter=separator)
     header = next(rows, [])
     places: dict[int, str] = {}
@@ -155,7 +156,9 @@ def _tools_of_csv(text: str) -> Iterator[Tool]:
         values: dict[str, Any] = {}
         for place, name in places.items():
             cell = cells[place].strip() if place < len(cells) else ""
-            values[name] = _number(cell, f"line {number}, {name}") if name in UNITS else cell
+            values[name] = cell
+            if name in UNITS:
+                values[name] = _number(cell, f"line {number}, {name}")
         yield Tool(**values)
 
 
@@ -252,19 +255,23 @@ def _tools_of_p21(text: str) -> Iterator[Tool]:
         raise WorkshopError("this is no P21 file: it must begin with ISO-10303-21")
     entities = {}
     for number, kind, inner in _ENTITY.findall(text):
-        entities[f"#{number}"] = (kind, [part.strip() for part in _PARAMETER.findall(inner)])
+        parts = [part.strip() for part in _PARAMETER.findall(inner)]
+        entities[f"#{number}"] = (kind, parts)
     values: dict[str, Any] = {}
     item = ""
     for kind, parameters in entities.values():
         if kind == "ITEM" and len(parameters) >= 3:
             item = _text(parameters[2], entities) or _text(parameters[0], entities)
-        symbol = _text(parameters[0], entities).upper() if parameters else ""
+        symbol = ""
+        if parameters:
+            symbol = _text(parameters[0], entities).upper()
         name = SYMBOLS.get(symbol)
         if name is None or name in values:
             continue
         if kind == "NUMERICAL_VALUE" and len(parameters) == 4 and name in UNITS:
+            number = _number(parameters[3].strip("'"), symbol)
             factor = INCH if _is_inch(parameters[2], entities) else 1.0
-            values[name] = factor * _number(parameters[3].strip("'"), symbol)
+            values[name] = factor * number
         elif kind == "STRING_VALUE" and len(parameters) >= 2 and name not in UNITS:
             values[name] = _text(parameters[1], entities)
     designation = values.pop("designation", "") or item

@@ -68,14 +68,16 @@ class Units:
     def _rewritten(self, match: re.Match[str]) -> str:
         unit = self.unit(match["unit"])
 
-        def shown(number: str) -> str:
-            return short(unit.factor * float(number))
+        def shown(group: str) -> str:
+            number = float(match[group])
+            return short(unit.factor * number)
 
-        text = f"{shown(match['value'])} {unit.name}"
+        text = f"{shown('value')} {unit.name}"
         if match["low"]:
-            text = f"{shown(match['low'])}{match['to']}{text}"
+            text = f"{shown('low')}{match['to']}{text}"
         if match["between"]:
-            text += f"{match['between']}{shown(match['first'])} to {shown(match['last'])})"
+            ends = f"{shown('first')} to {shown('last')}"
+            text += f"{match['between']}{ends})"
         return text
 
 
@@ -85,8 +87,10 @@ def short(value: float) -> str:
         return f"{value:g}"
     if abs(value) >= 100.0:
         return f"{value:.0f}"
-    decimals = 2 - int(np.floor(np.log10(abs(value))))
-    return f"{value:.{decimals}f}".rstrip("0").rstrip(".")
+    power_of_ten = int(np.floor(np.log10(abs(value))))
+    decimals = 2 - power_of_ten
+    digits = f"{value:.{decimals}f}"
+    return digits.rstrip("0").rstrip(".")
 
 
 METRIC = Units({})

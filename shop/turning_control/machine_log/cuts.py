@@ -161,7 +161,8 @@ def _power(path: Path, settings: Settings, power: Values, samples: Sequence[Samp
     if np.isfinite(torque).any():
         speed = np.array([sample.spindle_speed for sample in samples])
         # P [kW] = M [N m] n [rev/min] 2 pi / 60,000.
-        return np.asarray(np.abs(torque * speed) * 2.0 * np.pi / 60e3)
+        product = np.abs(torque * speed)
+        return np.asarray(product * 2.0 * np.pi / 60e3)
     load = np.array([sample.spindle_load for sample in samples])
     if not np.isfinite(load).any():
         raise UserError(f"{path}: the machine gives no power, torque or load of the spindle")
@@ -180,7 +181,8 @@ def find_cuts(record: Record, settings: Settings) -> Cuts:
         UserError: The record shows no idle power and none is stated, or it has no cut.
     """
     turns = (record.spindle_speed > MIN_SPEED) & np.isfinite(record.power)
-    moves = (record.feed_rate > 0.0) & (record.feed < MAX_FEED) & record.is_running
+    feeds = (record.feed_rate > 0.0) & (record.feed < MAX_FEED)
+    moves = feeds & record.is_running
     at_feed = turns & moves
     idles = turns & ~moves
     if not at_feed.any():
@@ -193,19 +195,21 @@ def find_cuts(record: Record, settings: Settings) -> Cuts:
             )
         idle = _median(record.power[idles], record.weight[idles])
     highest = max(float(record.power[at_feed].max()), idle)
-    in_metal = at_feed & (record.power > idle + ENTRY * (highest - idle))
+    threshold = idle + ENTRY * (highest - idle)
+    in_metal = at_feed & (record.power > threshold)
 
-    stretches = [
-        _cut(record, stretch, idles=idles, idle=idle, settings=settings)
-        for stretch in _stretches(record, in_metal)
-    ]
+    stretches = []
+    for stretch in _stretches(record, in_metal):
+        cut = _cut(record, stretch, idles=idles, idle=idle, settings=settings)
+        stretches.append(cut)
     if settings.is_fresh and settings.wear is None:
         stretches = list(_with_edge_times(stretches))
     cuts = [cut for cut in stretches if cut.is_steady and cut.power > 0.0]
     if not cuts:
         least = MIN_STEADY + 2.0 * TRIM
         raise UserError(f"the record has no steady cut of {least:g} s or more")
-    return Cuts(cuts, list(_notes(record, cuts, stretches=stretches, settings=settings)))
+    notes = _notes(record, cuts, stretches=stretches, settings=settings)
+    return Cuts(cuts, list(notes))
 
 
 def _median(values: Values, weights: Values) -> float:
@@ -287,16 +291,20 @@ def _with_edge_times(cuts: Sequence[Cut]) -> Iterator[Cut]:
     first: dict[str, Cut] = {}
     mixed: set[str] = set()
     for cut in cuts:
-        seconds[cut.tool] = seconds.get(cut.tool, 0.0) + cut.seconds
+        tool = cut.tool
+        seconds[tool] = seconds.get(tool, 0.0) + cut.seconds
         if not cut.is_steady:
             yield cut
             continue
-        before = first.setdefault(cut.tool, cut)
-        speeds_differ = abs(cut.cutting_speed / before.cutting_speed - 1.0) > STEADY
-        if speeds_differ or abs(cut.feed / before.feed - 1.0) > STEADY:
-            mixed.add(cut.tool)
-        is_known = cut.tool not in mixed and not cut.is_after_gap
-        yield replace(cut, edge_time=seconds[cut.tool] / 60.0 if is_known else math.nan)
+        before = first.setdefault(tool, cut)
+        speed_change = abs(cut.cutting_speed / before.cutting_speed - 1.0)
+        feed_change = abs(cut.feed / before.feed - 1.0)
+        if speed_change > STEADY or feed_change > STEADY:
+            mixed.add(tool)
+        edge_time = math.nan
+        if tool not in mixed and not cut.is_after_gap:
+            edge_time = seconds[tool] / 60.0
+        yield replace(cut, edge_time=edge_time)
 
 
 def _notes(
@@ -304,12 +312,19 @@ def _notes(
 ) -> Iterator[str]:
     """Yield how the cuts were found, for people."""
     short = len(stretches) - len(cuts)
-    left_out = f"; {short} shorter or unsteady stretches in metal left out" if short else ""
-    yield f"{len(cuts)} cuts in {record.time[-1] / 60.0:.1f} min{left_out}"
-    idle = sorted({round(cut.idle_power, 3) for cut in cuts})
+    minutes = record.time[-1] / 60.0
+    left_out = ""
+    if short:
+        left_out = f"; {short} shorter or unsteady stretches in metal left out"
+    yield f"{len(cuts)} cuts in {minutes:.1f} min{left_out}"
+
+    idle_powers = sorted({round(cut.idle_power, 3) for cut in cuts})
+    lowest = f"{idle_powers[0]:g}"
+    highest = f"{idle_powers[-1]:g}"
+    span = lowest if len(idle_powers) == 1 else f"{lowest} to {highest}"
     source = "as stated" if settings.idle_power is not None else "while no axis feeds"
-    span = f"{idle[0]:g}" if len(idle) == 1 else f"{idle[0]:g} to {idle[-1]:g}"
     yield f"idle power {span} kW, {source}: subtracted"
+
     gaps = int(record.is_after_gap.sum())
     if gaps:
         yield f"{gaps} gaps: no cut goes across one, and cutting times after the first are unknown"

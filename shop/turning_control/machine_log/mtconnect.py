@@ -359,15 +359,16 @@ def _named(element: Element, name: str) -> Iterator[Element]:
 
 def _chosen(candidates: Mapping[str, object], name: str | None, option: str, what: str) -> str:
     """Return the candidate that the user names, or the only one; UserError if there is no such."""
-    listed = ", ".join(candidates)
+    names = list(candidates)
+    listed = ", ".join(names)
     if name is not None:
         if name not in candidates:
             raise UserError(f"{option} is {name!r}, but the {what} are {listed or 'none'}")
         return name
-    if len(candidates) != 1:
-        example = next(iter(candidates), "NAME")
+    if len(names) != 1:
+        example = names[0] if names else "NAME"
         raise UserError(f"the {what} are {listed}: say which one, {option} {example}")
-    return next(iter(candidates))
+    return names[0]
 
 
 @dataclass(frozen=True)
@@ -430,16 +431,18 @@ def _add(found: dict[str, Item], component: Component, wanted: Sequence[Wanted])
             continue
         fitting = []
         for item in component.items:
+            is_wanted = item.get("type") == kind
             is_value = item.get("representation", "VALUE") == "VALUE"
             is_reading = item.get("category") != "CONDITION"
             subtype = item.get("subType") or ""
-            if item.get("type") == kind and subtype in subtypes and is_value and is_reading:
+            if is_wanted and subtype in subtypes and is_value and is_reading:
                 fitting.append(item)
         # Work coordinates count from the program's zero, machine coordinates from anywhere.
         fitting.sort(key=lambda item: item.get("coordinateSystem") != "WORK")
         fitting.sort(key=lambda item: subtypes.index(item.get("subType") or ""))
         if fitting:
-            found[quantity] = _item(quantity, component, fitting[0], default_unit=unit)
+            best = fitting[0]
+            found[quantity] = _item(quantity, component, best, default_unit=unit)
 
 
 def _item(quantity: str, component: Component, item: Element, default_unit: str) -> Item:
@@ -557,10 +560,15 @@ def _values(observation: _Observation) -> dict[str, Any]:
     if item.quantity == "tool":
         return {"tool": text}
     if item.quantity == "running":
-        return {"running": float(text == "ACTIVE") if text else math.nan}
+        running = math.nan
+        if text:
+            running = float(text == "ACTIVE")
+        return {"running": running}
     if item.quantity == "position":
         numbers = [_number(part) * item.factor for part in text.split()]
-        x, _, z = numbers if len(numbers) == 3 else (math.nan, math.nan, math.nan)
+        if len(numbers) != 3:
+            return {"x": math.nan, "z": math.nan}
+        x, _, z = numbers
         return {"x": x, "z": z}
     return {item.quantity: _number(text) * item.factor}
 

@@ -465,7 +465,8 @@ def _history(
     client: Any, readings: Sequence[Reading], last: Sample, now: datetime
 ) -> tuple[list[Sample], str]:
     """Return the samples that the server's history holds since the last one, and what it lacks."""
-    started = client.get_node(SERVER_STARTED).read_value().replace(tzinfo=UTC)
+    start_node = client.get_node(SERVER_STARTED)
+    started = start_node.read_value().replace(tzinfo=UTC)
     if started > last.time:
         return [], f"the server started at {started:%H:%M:%S} UTC"
     lacking = []
@@ -478,9 +479,16 @@ def _history(
             if data.SourceTimestamp is not None:
                 moment = data.SourceTimestamp.replace(tzinfo=UTC)
                 changes.append(Change(moment, reading, data))
-    unknown: dict[str, Any] = {name: "" if name == "tool" else math.nan for name in lacking}
-    samples = _replayed(changes, replace(last, gap="", **unknown), now)
-    return samples, f"the server keeps no history of {', '.join(lacking)}" if lacking else ""
+
+    unknown: dict[str, Any] = {}
+    for name in lacking:
+        unknown[name] = "" if name == "tool" else math.nan
+    start = replace(last, gap="", **unknown)
+    samples = _replayed(changes, start, now)
+    lack = ""
+    if lacking:
+        lack = f"the server keeps no history of {', '.join(lacking)}"
+    return samples, lack
 
 
 def _node_history(node: Any, start: datetime, end: datetime) -> list[Any] | None:

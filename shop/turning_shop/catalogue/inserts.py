@@ -150,15 +150,18 @@ def _circle(text: str, shape: _Shape, letter: str, code: str) -> float:
 
     The digits are the length of the edge in whole millimetres, without decimals.
     """
-    codes = {f"{int(shape.edge_per_circle * circle):02d}": circle for circle in _CIRCLES}
-    if code not in codes:
-        sizes = ", ".join(sorted(codes))
-        near = min(codes, key=lambda other: abs(int(other) - int(code)))
+    circles = {}
+    for circle in _CIRCLES:
+        edge = int(shape.edge_per_circle * circle)
+        circles[f"{edge:02d}"] = circle
+    if code not in circles:
+        sizes = ", ".join(sorted(circles))
+        near = min(circles, key=lambda other: abs(int(other) - int(code)))
         raise WorkshopError(
             f"--tool {text}: shape {letter} has no size {code}; did you mean {near}? "
             f"Its sizes are {sizes}"
         )
-    return codes[code]
+    return circles[code]
 
 
 def _cut(breaker: str) -> tuple[Cut, tuple[str, ...]]:
