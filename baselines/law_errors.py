@@ -37,7 +37,10 @@ def read() -> LawErrors:
 
 
 def errors_of(jobs: DrawnJobs) -> Array:
-    """Return the errors of some jobs, shape (jobs, errors), in the order of ``LawErrors``."""
+    """Return the errors of the nominal laws of some jobs, true less nominal.
+
+    They have the shape (jobs, errors) and the order of ``LawErrors``.
+    """
     true = jobs.true.material
     nominal = jobs.nominal.material
 

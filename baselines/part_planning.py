@@ -111,13 +111,18 @@ class RuledParts(Policy):
         depths = pass_depths(allowance, path, passes, passes_max)
         positive_depths = np.maximum(depths, MIN_DEPTH)
         speed, feed = set_point(self._rule, process, depths, wear=wear[:, np.newaxis])
-        # Surface of the pass over the surface that is cut per minute.
+
         length = workpiece.bar_length + workpiece.approach
-        minutes = np.pi * workpiece.diameter * length / (1000.0 * speed * feed)
-        life = exp(
-            process.log_life(log(speed), log(feed), depth_of_cut=positive_depths, hardness=1.0)
+        surface = np.pi * workpiece.diameter * length  # [mm2]
+        surface_rate = 1000.0 * speed * feed  # [mm2/min]
+        minutes = surface / surface_rate
+        log_life = process.log_life(
+            log(speed),
+            log(feed),
+            depth_of_cut=positive_depths,
+            hardness=1.0,
         )
-        edges = np.where(depths > 0.0, minutes / life, 0.0)
+        edges = np.where(depths > 0.0, minutes / exp(log_life), 0.0)
         made = np.arange(passes_max) < passes[:, np.newaxis]
         costs = minutes + self._scenario.machine.return_time + process.edge_price * edges
         cost = np.sum(made * costs, axis=1)

@@ -138,7 +138,10 @@ def _best_use(scenario: Scenario, steps: Steps, price: float) -> EdgePlan:
 
 
 def _steps(scenario: Scenario, speed: Array, feed: Array) -> Steps:
-    """Return each step of life at each set point; arrays broadcast to their shape."""
+    """Return gain, time and survival of each step of an edge's life, at each set point.
+
+    The arrays of set points broadcast to one shape.
+    """
     cut = _Cut(scenario, speed, feed)
     life = np.arange(LIVES + 1.0)[:, np.newaxis, np.newaxis] / LIVES
     start = np.maximum(life[:-1], MIN_POSITIVE)

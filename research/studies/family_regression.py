@@ -172,7 +172,7 @@ def best_constants(returns: Tensor) -> Floats:
 
 @exits(ValueError)
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the table; return the exit status."""
+    """Print the returns of the laws by penalty as a table; return the exit status."""
     parser = argparse.ArgumentParser(
         prog="python -m research.studies.family_regression", **described(__doc__)
     )

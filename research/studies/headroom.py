@@ -56,23 +56,25 @@ def main(arguments: list[str] | None = None) -> int:
     scenario = Scenario.load(IDS[ENV_ID])
     seeds = held_out_seeds(parsed.seeds)
     leaderboard = read_leaderboard(result_folder(RESULTS, ENV_ID, scenario.name))
+    # Standings are in the order of their ranks.
     best_agent = next(row.name for row in leaderboard.standings if row.kind == "agent")
     best_rule = next(row.name for row in leaderboard.standings if row.kind == "rule")
+    bounds = [belief_bound.bound(scenario, seed) for seed in seeds]
+    agent_returns = returns_of(best_agent, leaderboard, seeds)
     rows = {
-        "belief-state bound": np.array([belief_bound.bound(scenario, seed) for seed in seeds]),
+        "belief-state bound": np.array(bounds),
         "clairvoyant bound": returns_of("clairvoyant", leaderboard, seeds),
-        f"best agent, {best_agent}": returns_of(best_agent, leaderboard, seeds),
+        f"best agent, {best_agent}": agent_returns,
         f"best rule, {best_rule}": returns_of(best_rule, leaderboard, seeds),
     }
-    agent = rows[f"best agent, {best_agent}"]
     bootstrap = Bootstrap(len(seeds))
     print(f"{'':32}  {'return [s]':>10}  over the best agent [s]")
     for title, returns in sorted(rows.items(), key=lambda row: -row[1].mean()):
-        over = returns - agent
-        gap = Estimate.of(over.mean(), bootstrap.means(over[np.newaxis], title))
-        print(
-            f"{title:32}  {returns.mean():10.1f}  {gap.value:.1f} ({gap.low:.1f} to {gap.high:.1f})"
-        )
+        over = returns - agent_returns
+        replicates = bootstrap.means(over[np.newaxis], title)
+        gap = Estimate.of(over.mean(), replicates)
+        gap_text = f"{gap.value:.1f} ({gap.low:.1f} to {gap.high:.1f})"
+        print(f"{title:32}  {returns.mean():10.1f}  {gap_text}")
     return 0
 
 

@@ -30,7 +30,8 @@ EDGE = "organization", "nose_radius_mm", "cutting_speed_m_min", "feed_mm_rev", "
 def misfit(edges: Any, exponent: float, factor: Any) -> float:
     """Return the mean squared deviation of edges' log wear, each with its best scale.
 
-    An edge is its arrays of log time and log wear.
+    An edge is its arrays of log time and log wear. The curve has the rate of a power law with this
+    exponent of time, times ``factor`` at each of ``WEAR``.
     """
     log_curve = np.log(WEAR)
     # Time to each wear of the curve, at the mean rate of each of its steps.

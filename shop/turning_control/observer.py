@@ -307,7 +307,8 @@ class Observer:
         fresh_edge = reading.cutting_time < self._cutting_time - 1e-5
         self._forget(self._estimate, fresh_edge, OF_AN_EDGE)
         time_before = np.where(fresh_edge, 0.0, self._cutting_time)
-        engaged = np.clip(60.0 * (reading.cutting_time - time_before), 0.0, interval)
+        seconds = 60.0 * (reading.cutting_time - time_before)
+        engaged = np.clip(seconds, 0.0, interval)
         self._cutting_time = reading.cutting_time
 
         self._velocity = self._feed_velocity(reading.cutting_speed, reading.feed)
@@ -322,13 +323,15 @@ class Observer:
         self._known &= ~new_bar
         self._readings[new_bar] = 0
 
-        time_in_metal = np.where(self._in_metal & ~passed_gap, interval, engaged)
+        stayed_in_metal = self._in_metal & ~passed_gap
+        time_in_metal = np.where(stayed_in_metal, interval, engaged)
         if place is None:
             place = self._moved_to(reading, moved, passed_gap)
         # In metal, the tool cannot be before the bar: a wrong zero must not free the feed.
         self._place = np.where(reading.cutting, np.maximum(place, 0.0), place)
         self._in_metal = reading.cutting
-        self._wear = np.maximum(reading.nominal_wear, MIN_WEAR * self._scenario.tool.wear_criterion)
+        min_wear = MIN_WEAR * self._scenario.tool.wear_criterion
+        self._wear = np.maximum(reading.nominal_wear, min_wear)
         self._estimate = self._predicted(moved)
         self._read_loads(reading, engaged, moved, time_in_metal=time_in_metal)
 
@@ -343,7 +346,8 @@ class Observer:
             moved: distance in metal [mm].
             time_in_metal: time in which the sensors followed the load [s].
         """
-        depth = self._profile[np.maximum(self._section(), 0)]
+        section = np.maximum(self._section(), 0)
+        depth = self._profile[section]
         speed = reading.cutting_speed
         power = self._power.law(speed, reading.feed, depth, wear=self._wear)
         force = self._force.law(speed, reading.feed, depth, wear=self._wear)
@@ -373,16 +377,18 @@ class Observer:
         force_lag = np.log(np.maximum(shown_force, 1e-9) / force)
         power_noise = self._power.noise * whole_over_cut
         force_noise = self._force.noise
+        log_power = np.log(measured_power / power)
+        log_force = np.log(measured_force / force)
         self._correct(
             self._power,
-            np.log(measured_power / power) - power_lag,
+            log_power - power_lag,
             variance=power_noise**2 + (LAG_ERROR * power_lag) ** 2,
             depth=depth,
             readable=power_readable,
         )
         self._correct(
             self._force,
-            np.log(measured_force / force) - force_lag,
+            log_force - force_lag,
             variance=force_noise**2 + (LAG_ERROR * force_lag) ** 2,
             depth=depth,
             readable=force_readable,
@@ -670,6 +676,7 @@ class Observer:
         interval = scenario.control.interval
         lowest = scenario.machine.cutting_speed_min
         highest = scenario.cutting_speed_max
+        min_feed = scenario.machine.feed_min
         speed = asked.copy()
         blocked = np.zeros(len(asked), np.bool_)
 
@@ -678,12 +685,14 @@ class Observer:
         if scenario.control.action == "incremental":
             speed_step = scenario.control.cutting_speed_step
         max_steps = np.log(highest / lowest) / speed_step + ENTRY_LEAD
-        near = (outlook.time_left < max_steps * interval) & ~outlook.is_last
+        is_soon = outlook.time_left < max_steps * interval
+        near = is_soon & ~outlook.is_last
         if not near.any():
             return speed, blocked
 
         asked_near = asked[near]
-        speeds = commanded[near][None, :]
+        commanded_near = commanded[near]
+        speeds = commanded_near[None, :]
         if free:
             speeds = np.geomspace(lowest, highest, ENTRY_SPEEDS)[:, None]
         following = SectionOutlook(
@@ -695,18 +704,21 @@ class Observer:
         )
         wear = self._wear[near]
         feeds = feeds_at_limits(scenario, speeds, following, wear).lower()
-        fits = feeds >= scenario.machine.feed_min
+        fits = feeds >= min_feed
         none_fits = ~fits.any(axis=0)
         changes = np.abs(np.log(speeds / asked_near))
         nearest = np.where(fits, changes, np.inf).argmin(axis=0)
-        fitting = np.broadcast_to(speeds, feeds.shape)[nearest, np.arange(len(nearest))]
+        all_speeds = np.broadcast_to(speeds, feeds.shape)
+        fitting = all_speeds[nearest, np.arange(len(nearest))]
 
         # The asked speed may keep the limits itself, although it is not among the tried ones.
         asked_feeds = feeds_at_limits(scenario, asked_near, following, wear).lower()
-        asked_fits = asked_feeds >= scenario.machine.feed_min
-        steps = np.abs(np.log(fitting / commanded[near])) / speed_step + ENTRY_LEAD
+        asked_fits = asked_feeds >= min_feed
+        change = np.abs(np.log(fitting / commanded_near))
+        steps = change / speed_step + ENTRY_LEAD
         due = outlook.time_left[near] < steps * interval
-        speed[near] = np.where(due & ~asked_fits & ~none_fits, fitting, asked_near)
+        must_change = due & ~asked_fits & ~none_fits
+        speed[near] = np.where(must_change, fitting, asked_near)
         blocked[near] = due & none_fits & ~asked_fits
         return speed, blocked
 

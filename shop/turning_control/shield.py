@@ -178,22 +178,22 @@ class Shield(Policy):
         control = self._scenario.control
         machine = self._scenario.machine
         observer = self._observer
+        present_speed = reading.commanded_cutting_speed
+        present_feed = reading.commanded_feed
         observer.follow(reading, self.place)
         asked_speed, asked_feed = commanded(
             actions,
-            reading.commanded_cutting_speed,
-            feed=reading.commanded_feed,
+            present_speed,
+            feed=present_feed,
             scenario=self._scenario,
         )
         observer.expect(self._settings.target, asked_speed, asked_feed=asked_feed)
 
         free = control.action != "override"
-        entry_speed, blocked = observer.entry_speed(
-            asked_speed, reading.commanded_cutting_speed, free=free
-        )
+        entry_speed, blocked = observer.entry_speed(asked_speed, present_speed, free=free)
         speed, hopeless = observer.speed(entry_speed, asked_feed, free=free)
         proven_feed, power_is_over = observer.proven_feed(reading)
-        not_faster = np.minimum(speed, reading.commanded_cutting_speed)
+        not_faster = np.minimum(speed, present_speed)
         speed = np.where(power_is_over, not_faster, speed)
         change_edge = self._find_help(actions, hopeless, blocked=blocked)
 
@@ -203,10 +203,11 @@ class Shield(Policy):
         by_power = np.minimum(feeds_soon.power, feeds_now.power)
         by_force = np.minimum(feeds_soon.force, feeds_now.force)
         bound = self._lead_of_drive(np.minimum(by_power, by_force), reading.feed)
-        proven_bound = np.minimum(proven_feed, reading.commanded_feed)
-        bound = np.minimum(bound, np.where(np.isfinite(proven_feed), proven_bound, np.inf))
+        is_proven = np.isfinite(proven_feed)
+        proven_bound = np.minimum(proven_feed, present_feed)
+        bound = np.minimum(bound, np.where(is_proven, proven_bound, np.inf))
         feed_range = machine.feed_max - machine.feed_min
-        rise = reading.commanded_feed + self._settings.rise * control.interval * feed_range
+        rise = present_feed + self._settings.rise * control.interval * feed_range
         same_removal = asked_feed * asked_speed / speed  # the asked removal rate, not more
         feed = np.minimum(same_removal, np.minimum(bound, rise))
         feed = np.clip(feed, machine.feed_min, machine.feed_max)
@@ -215,13 +216,20 @@ class Shield(Policy):
         other_speed = np.abs(speed / asked_speed - 1.0) > ROUNDING
         changed = less_feed | other_speed
         limited = towards(
-            reading, self._scenario, cutting_speed=speed, feed=feed, change_edge=change_edge
+            reading,
+            self._scenario,
+            cutting_speed=speed,
+            feed=feed,
+            change_edge=change_edge,
         )
         if change_edge is not None:
-            changed |= change_edge & (actions[:, -1] <= 0.0)
+            policy_keeps_edge = actions[:, -1] <= 0.0
+            changed |= change_edge & policy_keeps_edge
         limit = np.where(by_power < by_force, "power", "force")
         limit = np.where(rise < bound, "rise", limit)
-        return np.where(changed[:, None], limited, actions), np.where(changed, limit, "")
+        kept_within = np.where(changed[:, None], limited, actions)
+        limits = np.where(changed, limit, "")
+        return kept_within, limits
 
     def _find_help(
         self, actions: Actions, hopeless: NDArray[np.bool_], blocked: NDArray[np.bool_]

@@ -77,10 +77,17 @@ def choose_side(
     """
     start = control.here
     line = control.line.number
-    places = [contour[0].start, *(path.end for path in contour)]
-    heights = [point.z if facing else point.x for point in places]
-    height = start.z if facing else start.x
-    stock = allowance.z if facing else allowance.x
+    places = [contour[0].start]
+    for path in contour:
+        places.append(path.end)
+    if facing:
+        heights = [point.z for point in places]
+        height = start.z
+        stock = allowance.z
+    else:
+        heights = [point.x for point in places]
+        height = start.x
+        stock = allowance.x
 
     # If the tool starts at the height of the contour's first point, the allowance decides, and
     # then where most of the contour lies.
@@ -93,8 +100,9 @@ def choose_side(
             break
     why = _way_to_contour(control, height, heights[0], facing=facing)
     given = control.given_sides.get(line)
-    if not facing and (given or machining):
-        upwards = ((given or machining) == "outside") == (start.x >= 0.0)
+    machined = given or machining
+    if not facing and machined:
+        upwards = (machined == "outside") == (start.x >= 0.0)
         why = "as given" if given else "by its kind of machining"
     elif infeed * stock < -1e-9:
         choice = f"correct it, or set --side {line}=outside or {line}=inside"
@@ -103,8 +111,14 @@ def choose_side(
         address = "W" if facing else "U"
         raise BlockError(f"it cuts {why}, but the sign of {address} says the other side: {choice}")
     along_z = [point.z for point in places]
-    reach = (min(along_z), max(along_z))
-    side = Side(upwards, why, facing=facing, start=start, reach=reach, is_settable=not facing)
+    side = Side(
+        upwards,
+        why,
+        facing=facing,
+        start=start,
+        reach=(min(along_z), max(along_z)),
+        is_settable=not facing,
+    )
     control.sides[line] = side
     return side
 

@@ -139,11 +139,13 @@ def _corner(call: _Call) -> list[Path]:
     Between them may be one more point, as in stock removal 3.
     """
     modes = call.number(19)  # _AMODE: digits say which points are increments
-    if _digit(modes, 0):
+    end_x_is_increment = _digit(modes, 0)
+    end_z_is_increment = _digit(modes, 1)
+    if end_x_is_increment:
         raise call.refused(19, "an end point X as an increment")
     start = Point(call.length(2), 0.5 * call.length(1))
     end = Point(call.length(4), 0.5 * call.length(3))
-    if _digit(modes, 1):
+    if end_z_is_increment:
         end = Point(start.z + end.z, end.x)
     shape = call.number(17)  # _NR
     if shape not in (0, 1, 2):
@@ -152,7 +154,10 @@ def _corner(call: _Call) -> list[Path]:
         raise call.refused(12, "chamfers and radii of the corners")
     if start.z == end.z or start.x == end.x:
         raise BlockError("CYCLE951: its start and its end must differ in X and in Z")
-    points = [Point(start.z, end.x), end, Point(end.z, start.x)]
+
+    before_end = Point(start.z, end.x)
+    after_end = Point(end.z, start.x)
+    points = [before_end, end, after_end]
     if shape == 2:
         if _digit(modes, 2) or _digit(modes, 3):
             raise call.refused(19, "an intermediate point as an increment or an angle")
@@ -291,22 +296,25 @@ def _blank(call: _Call, outline: Sequence[Path], machining: _Machining) -> Point
     _BL is 1 for a cylinder, 2 for an allowance on the contour, 3 for a contour of its own. _XD of a
     cylinder is its diameter, or if it is small an allowance (assumption).
     """
-    points = [outline[0].start, *(path.end for path in outline)]
-    x = max(points, key=lambda point: machining.sign * point.x).x
+    points = [outline[0].start]
+    for path in outline:
+        points.append(path.end)
+    farthest = max(points, key=lambda point: machining.sign * point.x)
+    x = farthest.x
     z = max(point.z for point in points)
-    if call.number(15) == 3:
+    kind = call.number(15)
+    if kind == 3:
         return Point(z, x)
     size = call.length(16)
     is_beyond = machining.side == "outside" and 0.5 * size >= x - TOLERANCE
     is_diameter = is_beyond or size > MAX_ALLOWANCE
-    if call.number(15) == 1 and is_diameter:
+    if kind == 1 and is_diameter:
         x = 0.5 * size
     else:
         x += machining.sign * size
     corner = Point(z + call.length(17), x)
-    call.control.note(
-        f"the blank of CYCLE952 is taken to begin at X{2.0 * corner.x:g} Z{corner.z:g} mm"
-    )
+    place = f"X{2.0 * corner.x:g} Z{corner.z:g} mm"
+    call.control.note(f"the blank of CYCLE952 is taken to begin at {place}")
     return corner
 
 

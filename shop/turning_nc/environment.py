@@ -186,7 +186,8 @@ def _cutting_tool(situation: Situation, tool: str | None) -> str:
     volume = situation.removal.slices.volume
     removed = {}
     for name, is_tool in situation.by_tool.items():
-        removed[name] = float(volume[is_tool].sum())
+        of_tool = volume[is_tool]
+        removed[name] = float(of_tool.sum())
     chosen = tool or max(removed, key=removed.__getitem__)
     if removed.get(chosen, 0.0) <= 0.0:
         cutting = [name for name, metal in removed.items() if metal > 0.0]

@@ -68,12 +68,15 @@ def move(control: Control, line: Line, codes: set[float]) -> None:
 
 def _lead(control: Control, line: Line) -> float:
     """Return the lead of a thread, in the program's units: F on a Fanuc, K or I on a SINUMERIK."""
-    lead = line.number_of(*control.dialect.thread_lead)
-    # F of a block before it is a lead unless it has a place, which only feeds have.
-    if not lead and control.fanuc and control.feed.span is None:
-        lead = control.feed.value / control.length_scale
+    addresses = control.dialect.thread_lead
+    lead = line.number_of(*addresses)
+    if not lead and control.fanuc:
+        feed = control.feed
+        # F of a block before it is a lead unless it has a place, which only feeds have.
+        if feed.span is None:
+            lead = feed.value / control.length_scale
     if not lead:
-        raise BlockError(f"G{control.motion} needs its lead: {control.dialect.thread_lead[0]}")
+        raise BlockError(f"G{control.motion} needs its lead: {addresses[0]}")
     return lead
 
 

@@ -190,12 +190,15 @@ class ToolUse:
         start = path.start
         end = path.end
         if start.z == end.z == next_z < 0.0:
-            radii = (abs(start.x), abs(next_x))
-            if abs(end.x) < min(radii):
+            bottom = abs(end.x)
+            before = abs(start.x)
+            after = abs(next_x)
+            if bottom < min(before, after):
                 self.plunges += 1
-            if abs(end.x) > max(radii):
+            if bottom > max(before, after):
                 self.plunges_inside += 1
-        if start.x == end.x == next_x and end.z < min(start.z, next_z):
+        stays_at_x = start.x == end.x == next_x
+        if stays_at_x and end.z < min(start.z, next_z):
             self.pecks += 1
 
 

@@ -257,15 +257,16 @@ class LawWriter:
 
     def law(self, limits: Limits | None = None) -> Law:
         """Return the law; with limits, it clips the state to them and writes it to the override."""
-        if limits is None:
-            return Law([*self._polynomials, *self._actions])
-        # The state starts at 100 % and stays within the limits, so that it does not wind up.
-        low = number_text(limits.low)
-        high = number_text(limits.high)
-        self.act(f"{STATE}={low}", f"{STATE}<{low}")
-        self.act(f"{STATE}={high}", f"{STATE}>{high}")
-        self.act(f"{OVERRIDE}={STATE}")
-        return Law([f"{STATE}=100.0", *self._polynomials, *self._actions])
+        start: list[str] = []
+        if limits is not None:
+            # The state starts at 100 % and stays within the limits, so that it does not wind up.
+            start.append(f"{STATE}=100.0")
+            low = number_text(limits.low)
+            high = number_text(limits.high)
+            self.act(f"{STATE}={low}", f"{STATE}<{low}")
+            self.act(f"{STATE}={high}", f"{STATE}>{high}")
+            self.act(f"{OVERRIDE}={STATE}")
+        return Law([*start, *self._polynomials, *self._actions])
 
 
 class _Piece(NamedTuple):

@@ -293,7 +293,8 @@ class _RoughingPasses:
 
     def _is_free(self, left: _Seen, right: _Seen) -> bool:
         """Return whether a straight move between two points stays above the contour."""
-        slope = (right.height - left.height) / max(right.along - left.along, 1e-12)
+        rise = right.height - left.height
+        slope = rise / max(right.along - left.along, 1e-12)
         for before, after in itertools.pairwise(self.profile):
             low = max(before.along, left.along)
             high = min(after.along, right.along - 1e-9)
@@ -302,7 +303,8 @@ class _RoughingPasses:
             # Both are straight, so that their distance is least at an end.
             for along in (low, high):
                 height = left.height + slope * (along - left.along)
-                if _height(before, after, along) > height + 1e-9:
+                contour_height = _height(before, after, along)
+                if contour_height > height + 1e-9:
                     return False
         return True
 

@@ -257,18 +257,22 @@ def _body_to_the_left(situation: Situation) -> Values:
 def _backwards(situation: Situation) -> Mask:
     """Return where a tool that is not neutral moves away from its hand in deep metal."""
     slices = situation.removal.slices
-    hand = np.zeros(len(slices.length))
+    count = len(slices.length)
+    hand = np.zeros(count)
     for tool, is_tool in situation.by_tool.items():
         kind = situation.removal.tools[tool]
-        if not kind.startswith(("groove", FACE_GROOVE, DRILL, "neutral")):
+        has_hand = not kind.startswith(("groove", FACE_GROOVE, DRILL, "neutral"))
+        if has_hand:
             hand[is_tool] = -1.0 if "left" in kind else 1.0
     length = np.maximum(slices.length, 1e-9)
-    along = (slices.end[:, 0] - slices.start[:, 0]) / length
+    rise_z = slices.end[:, 0] - slices.start[:, 0]
+    along = rise_z / length
     is_deep = situation.engaged & (slices.depth > MIN_BACK_DEPTH)
     is_back = is_deep & (along * hand > MIN_BACK_SHARE)
-    marked = np.zeros(len(along), np.bool_)
+    marked = np.zeros(count, np.bool_)
     for is_tool in situation.by_tool.values():
         back_of_tool = is_back & is_tool
-        if slices.length[back_of_tool].sum() > MIN_BACK_LENGTH:
+        back_length = slices.length[back_of_tool].sum()
+        if back_length > MIN_BACK_LENGTH:
             marked |= back_of_tool
     return marked

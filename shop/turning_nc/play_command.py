@@ -128,6 +128,7 @@ def _check_out(options: argparse.Namespace) -> None:
 
 
 def _play(options: argparse.Namespace, laws: _Laws) -> _Results:
+    """Read a program, remove its metal from the stock, play it, and return the results."""
     program = read_program(options.program, DIALECTS.get(options.dialect))
     reading = moves.Reading(
         go_on=options.go_on,

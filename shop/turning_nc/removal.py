@@ -223,7 +223,8 @@ class _Cutting:
         if move.kind == "rapid":
             # A tool that withdraws to where it came from rubs along each ridge of a shoulder, which
             # would take long to compute.
-            withdraws = start[0] == end[0] and (end[1] - start[1]) * shape[2, 1] > 0.0
+            rise = end[1] - start[1]
+            withdraws = start[0] == end[0] and rise * shape[2, 1] > 0.0
             if withdraws or move.tool in self._threading:
                 return AIR
         sweep = Sweep(shape, start, end=end)
@@ -237,14 +238,17 @@ class _Cutting:
             return AIR
         if move.kind == "rapid":
             if area > MAX_COLLISION:
-                self.rapids[move.line] = max(self.rapids.get(move.line, 0.0), area)
+                area_before = self.rapids.get(move.line, 0.0)
+                self.rapids[move.line] = max(area_before, area)
             return AIR
         metal = metal[areas > 0.0]
         self.left.take(sweep.area, places)
         self._taken.append(_Taken(move.line, metal))
         if self._left_by_slim:
+            slim_sweep = sweep
             slim_shape = self._slim_shapes.get(move.tool)
-            slim_sweep = sweep if slim_shape is None else Sweep(slim_shape, start, end=end)
+            if slim_shape is not None:
+                slim_sweep = Sweep(slim_shape, start, end=end)
             slim_places = self._left_by_slim.meeting(slim_sweep.area)
             self._left_by_slim.take(slim_sweep.area, slim_places)
         return _sliced(sweep, metal, area=area)
@@ -267,18 +271,23 @@ class _Cutting:
 
         # Each slice ends where the next one starts; straight moves end exactly at their ends.
         paths = np.array(self._paths)  # of each straight move: start and end, Z and X
-        steps = paths[path, 1] - paths[path, 0]
-        ends = paths[path, 0] + shares[:, np.newaxis] * steps
-        ends[lasts] = paths[:, 1]
+        path_starts = paths[:, 0]
+        path_ends = paths[:, 1]
+        starts_of_slices = path_starts[path]
+        steps = path_ends[path] - starts_of_slices
+        ends = starts_of_slices + shares[:, np.newaxis] * steps
+        ends[lasts] = path_ends
         starts = np.concatenate((ends[:1], ends[:-1]))
-        starts[firsts] = paths[:, 0]
-        length = np.maximum(np.hypot(*steps.T), SAME) * increments(shares)
+        starts[firsts] = path_starts
+        path_length = np.maximum(np.hypot(*steps.T), SAME)
+        length = path_length * increments(shares)
         areas = increments(summed_areas)
         moments = increments(summed_moments)
+        middle_radius = 0.5 * abs(starts + ends)[:, 1]
         return Slices(
             move=np.array(self._moves)[path],
             length=np.maximum(length, 0.0),
-            radius=0.5 * abs(starts + ends)[:, 1],
+            radius=middle_radius,
             depth=np.maximum(areas / length, 0.0),
             volume=np.maximum(2.0 * math.pi * moments, 0.0),
             start=starts,

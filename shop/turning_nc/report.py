@@ -367,12 +367,17 @@ def table(situation: Situation, blocks: Sequence[Row], units: Units = METRIC) ->
     cells = [_cells(row, units) for row in blocks]
     columns = []
     for head, unit in heads.items():
-        column = [head, units.name(unit), *(row_cells[head] for row_cells in cells)]
-        width = max(map(len, column))
+        column = [head, units.name(unit)]
+        for row_cells in cells:
+            column.append(row_cells[head])
+        width = max(len(cell) for cell in column)
         columns.append([cell.rjust(width) for cell in column])
-    columns.append(["block", "", *(f" {row.text}  {row.remark}" for row in blocks)])
-    lines = zip(*columns, strict=True)
-    return "\n".join("  ".join(line).rstrip() for line in lines)
+    texts = [f" {row.text}  {row.remark}" for row in blocks]
+    columns.append(["block", "", *texts])
+    lines = []
+    for line in zip(*columns, strict=True):
+        lines.append("  ".join(line).rstrip())
+    return "\n".join(lines)
 
 
 def findings(blocks: Sequence[Row], count: int = 5) -> list[str]:

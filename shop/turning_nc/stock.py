@@ -90,16 +90,20 @@ def guessed_stock(moves: Moves, tools: Mapping[str, str] = {}) -> tuple[Any, str
     face = 0.0
     if ends.radius.max() > ON_AXIS:
         nearer_to_chuck = ends.z.min(axis=1)
-        face = float(nearer_to_chuck[ends.reaches_axis].max(initial=0.0))
-    length = CLAMPED_LENGTH - float(min(ends.z.min(), -1.0))
+        faces = nearer_to_chuck[ends.reaches_axis]
+        face = float(faces.max(initial=0.0))
+    deepest = float(min(ends.z.min(), -1.0))
+    length = CLAMPED_LENGTH - deepest
     radius = _outer_radius(ends)
     bore = 0.0
     is_drilled = any(kind.startswith(f"{DRILL}:") for kind in kinds.values())
     if not is_drilled:
         bore = _bore_radius(moves, ends, is_inside=is_inside, outer_radius=radius)
-    name = f"bar:{2.0 * radius:g}x{length:g}"
+
+    diameter = f"{2.0 * radius:g}"
+    name = f"bar:{diameter}x{length:g}"
     if bore:
-        name = f"tube:{2.0 * radius:g}x{2.0 * bore:g}x{length:g}"
+        name = f"tube:{diameter}x{2.0 * bore:g}x{length:g}"
     if face:
         name += f"+{face:g}"
     return shapely.box(-length, bore, face, radius), name

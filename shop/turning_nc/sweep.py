@@ -230,7 +230,7 @@ def _turns_left(first: _Corner, second: _Corner, third: _Corner) -> bool:
 
 
 def _edges(metal: NDArray[Any], sweep: Sweep) -> _Edges:
-    """Return the edges of polygons.
+    """Return the edges of polygons, in distances along the sweep and across it.
 
     Lines and points beside them, where metal only touches the sweep, are left out.
     """

@@ -66,30 +66,35 @@ def tool_shape(kind: str, slim: bool = False) -> Values | None:
     if name not in ANGLES:  # such as "left": an outside insert with that mark
         marks = [name, *marks]
         name = "outside"
-    is_marked_once = len(set(marks)) == len(marks)
-    if is_marked_once and set(marks) <= {"left", "inside"}:
+    distinct = set(marks)
+    is_marked_once = len(distinct) == len(marks)
+    if is_marked_once and distinct <= {"left", "inside"}:
         angles = ANGLES[name]
         if slim and name == "outside":
-            angles = EdgeAngles(first=ANGLES["copying"].first, second=angles.second)
+            back = ANGLES["copying"].first
+            angles = EdgeAngles(first=back, second=angles.second)
         return _insert(angles, marks)
     match = _WITH_WIDTH.fullmatch(kind)
     is_known = match is not None and match[3] in (None, _MARKS[match[1]])
     if match is None or not (is_known and MIN_WIDTH <= float(match[2]) <= MAX_WIDTH):
         raise NcError(f"{kind!r} is no kind of tool: {KINDS}, {MIN_WIDTH:g} to {MAX_WIDTH:g} mm")
+    family = match[1]
     width = float(match[2])
     is_marked = match[3] is not None
-    if match[1] == DRILL:
+    if family == DRILL:
         return _drill(diameter=width)
-    if match[1] == FACE_GROOVE:
+    if family == FACE_GROOVE:
         return _face_grooving_tool(width, is_outer=is_marked)
     return _grooving_tool(width, is_inside=is_marked)
 
 
 def _insert(angles: EdgeAngles, marks: Sequence[str]) -> Values:
     """Return the corners of an insert: right-hand and for outside unless marked otherwise."""
+    tip = (0.0, 0.0)
     first = _edge_end(angles.first)
     second = _edge_end(angles.second)
-    corners = np.array(((0.0, 0.0), first, shifted(first, second), second))
+    opposite = shifted(first, second)
+    corners = np.array((tip, first, opposite, second))
     along = -1.0 if "left" in marks else 1.0
     across = -1.0 if "inside" in marks else 1.0
     return corners * (along, across)

@@ -364,7 +364,8 @@ def _overload_factor(scenario: Scenario, name: str, num_limits: int) -> float:
     # The usual edge is changed before it reaches the wear at the change.
     at_change = -LASTING_DEVIATIONS * edge_spread
     log_wear_share = scenario.material.wear.time * np.log(used_life)
-    log_load = at_change + law.wear * term_of_factor(law.wear_growth, log_wear, log_wear_share)
+    log_term = term_of_factor(law.wear_growth, log_wear, log_wear_share)
+    log_load = at_change + law.wear * log_term
 
     def excess_time(log_factor: float) -> float:
         """Return the share of time in overload above the allowance [-]."""
@@ -378,4 +379,5 @@ def _overload_factor(scenario: Scenario, name: str, num_limits: int) -> float:
         -5.0 * spread - largest,
         5.0 * spread + largest,
     )
-    return min(1.0, (1.0 + limits.overload_tolerance) * math.exp(log_factor))
+    factor = (1.0 + limits.overload_tolerance) * math.exp(log_factor)
+    return min(1.0, factor)

@@ -54,22 +54,26 @@ def _real_edges(measurements: Measurements, reading: NDArray[np.int64]) -> NDArr
     An edge whose readings are all those of another has the number of that one.
     """
     count = len(measurements.lines)
-    if measurements.edges is None:
+    edges = measurements.edges
+    if edges is None:
         return np.zeros(count, np.int64)
     responses = np.zeros(count, np.int64)
     for name in RESPONSES:
         if name in measurements.columns:
             responses += np.isfinite(measurements.columns[name])
 
-    real = measurements.edges.copy()
+    real = edges.copy()
     originals: dict[tuple[int, ...], int] = {}  # edges by their readings
-    order = np.argsort(measurements.edges, kind="stable")
-    starts = np.flatnonzero(np.diff(measurements.edges[order])) + 1
+    order = np.argsort(edges, kind="stable")
+    is_next_edge = np.diff(edges[order]) != 0
+    starts = np.flatnonzero(is_next_edge) + 1
     for rows in np.split(order, starts):
         # One response alone may agree by chance.
         if (responses[rows] >= 2).all():
-            readings = tuple(np.unique(reading[rows]).tolist())
-            real[rows] = originals.setdefault(readings, int(real[rows[0]]))
+            distinct = np.unique(reading[rows])
+            readings = tuple(distinct.tolist())
+            first_edge = int(real[rows[0]])
+            real[rows] = originals.setdefault(readings, first_edge)
     return real
 
 

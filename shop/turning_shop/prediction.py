@@ -207,28 +207,30 @@ def predict(scenario: Scenario, evidence: Evidence, cuts: Cuts, of_wear: bool) -
     wear_deviation = np.zeros(shape)  # of its logarithm, if it is predicted
     if "wear" in evidence.laws:
         known = evidence.laws["wear"]
+        exponent = material.wear.time
         # The logarithm of a time of 0 or infinity is not finite.
         now = settings | {"time": np.clip(cuts.time, 1e-300, 1e300)}
         at_end = settings | {"time": np.clip(cuts.tool_life, 1e-300, 1e300)}
         deviation = known.log_deviation(material.wear, now)
         # W = c t^g, so that the logarithm of the time to a wear deviates by 1 / g of that of wear.
         end_deviation = known.log_deviation(material.wear, at_end)
-        half_width["tool_life"] = known.quantile * end_deviation / material.wear.time
+        half_width["tool_life"] = known.quantile * end_deviation / exponent
         # A fresh edge has cut for no time, by any law.
         has_cut = cuts.time > 0.0
         if of_wear:
-            half_width["time"] = has_cut * known.quantile * deviation / material.wear.time
+            half_width["time"] = has_cut * known.quantile * deviation / exponent
         else:
             half_width["wear"] = known.quantile * deviation
             wear_deviation = deviation
         extrapolated |= has_cut & known.extrapolates(now)
+
+    log_wear = np.log(np.maximum(cuts.wear, 1e-300))
     for name in ("thrust_force", "power"):
         if name in evidence.laws:
             known = evidence.laws[name]
             law = getattr(material, name)
             factors = settings | {"wear": cuts.wear}
             # The deviation of the wear reaches the load through the slope of their logarithms.
-            log_wear = np.log(np.maximum(cuts.wear, 1e-300))
             through_wear = wear_exponent(law, log_wear) * wear_deviation
             deviation = np.hypot(known.log_deviation(law, factors), through_wear)
             half_width[name] = known.quantile * deviation
@@ -237,6 +239,7 @@ def predict(scenario: Scenario, evidence: Evidence, cuts: Cuts, of_wear: bool) -
     high = {}
     with np.errstate(over="ignore"):
         for name in PREDICTED:
-            low[name] = getattr(cuts, name) * np.exp(-half_width[name])
-            high[name] = getattr(cuts, name) * np.exp(half_width[name])
+            value = getattr(cuts, name)
+            low[name] = value * np.exp(-half_width[name])
+            high[name] = value * np.exp(half_width[name])
     return Prediction(low, high, extrapolated=extrapolated)

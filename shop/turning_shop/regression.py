@@ -197,12 +197,14 @@ def _edge_effect(target: Values, design: Values, edge: NDArray[np.int64]) -> Edg
     """
     group = np.unique(edge, return_inverse=True)[1]
     members = np.bincount(group)
-    rows, edges = len(group), len(members)
+    rows = len(group)
+    edges = len(members)
     design_within = design - _group_means(design, group)
     target_within = target - _group_means(target, group)
     centred = design - design.mean(axis=0)
-    total = (centred**2).sum(axis=0)
-    within = (design_within**2).sum(axis=0) > MIN_SHARE * total
+    total_squares = (centred**2).sum(axis=0)
+    squares_within = (design_within**2).sum(axis=0)
+    within = squares_within > MIN_SHARE * total_squares
     degrees_within = rows - edges - int(within.sum())
     degrees_between = edges - 1 - int((~within).sum())
     if degrees_within < 1 or degrees_between < 1:
@@ -215,7 +217,8 @@ def _edge_effect(target: Values, design: Values, edge: NDArray[np.int64]) -> Edg
     level = _group_means(target - design[:, within] @ slopes, group)
     settings = _group_means(design[:, ~within], group)
     design_between = np.column_stack([np.ones(rows), settings])
-    deviation = level - design_between @ least_squares(design_between, level)
+    solution = least_squares(design_between, level)
+    deviation = level - design_between @ solution
     mean_square = float(deviation @ deviation) / degrees_between
     # Readings of an edge on average: the mean number, less its variance over that mean.
     readings = (rows - float(members @ members) / rows) / (edges - 1)
@@ -223,8 +226,12 @@ def _edge_effect(target: Values, design: Values, edge: NDArray[np.int64]) -> Edg
 
     # Less the share 1 - sqrt(s_w^2 / (s_w^2 + m s_b^2)) of their edge's mean, rows are independent.
     variance_of_mean = variance_within + members * variance_between
-    kept_squared = np.divide(
-        variance_within, variance_of_mean, out=np.ones(edges), where=variance_of_mean > 0
+    kept_squared = np.ones(edges)
+    np.divide(
+        variance_within,
+        variance_of_mean,
+        out=kept_squared,
+        where=variance_of_mean > 0,
     )
     kept = np.maximum(np.sqrt(kept_squared), MIN_KEPT)
     degrees = [degrees_between]

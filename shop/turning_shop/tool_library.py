@@ -168,11 +168,13 @@ def _field_of(header: str) -> str | None:
     if bracketed is None:
         return None
     plain = re.sub(r"[\s_.]+", " ", bracketed[1].casefold()).strip()
+    unit = (bracketed[2] or "").replace(" ", "")
     for name, aliases in NAMES.items():
-        if plain in aliases or plain == name.replace("_", " "):
-            unit = (bracketed[2] or "").replace(" ", "")
-            if unit and unit != UNITS.get(name):
-                raise WorkshopError(f"column {header!r}: the unit must be {UNITS.get(name)}")
+        spelled = name.replace("_", " ")
+        if plain == spelled or plain in aliases:
+            expected = UNITS.get(name)
+            if unit and unit != expected:
+                raise WorkshopError(f"column {header!r}: the unit must be {expected}")
             return name
     return None
 
