@@ -193,8 +193,9 @@ class Belief:
     def _outlook(self, velocity: Array) -> Outlook:
         """Return the outlook after a step, in this bar and in the next; velocities in mm/s."""
         distance = velocity * self.scenario.control.interval
-        entering = np.broadcast_to([False, True], (len(velocity), 2))
-        return self.filter.outlook(np.repeat(distance[:, np.newaxis], 2, axis=1), entering)
+        distances = np.repeat(distance[:, np.newaxis], 2, axis=1)
+        entering = np.broadcast_to([False, True], distances.shape)
+        return self.filter.outlook(distances, entering)
 
     def _log_laws(self, reading: Reading, log_wear: Array) -> tuple[Array, Array]:
         """Return log force and log power over their limits, with the believed exponents.
@@ -310,7 +311,8 @@ class BeliefObservation(
 
     def reset(self, **options: Any) -> tuple[Observations, dict[str, Any]]:
         observation, info = self.env.reset(**options)
-        _begin(self._belief, self.env.unwrapped, np.ones(1, np.bool_), info)
+        begins = np.ones(1, np.bool_)
+        _begin(self._belief, self.env.unwrapped, begins, info)
         return self._seen(observation), info
 
     def step(self, action: Observations) -> tuple[Observations, Any, bool, bool, dict[str, Any]]:

@@ -215,8 +215,10 @@ class ConstantForceNetwork(ConstantForce):
     def _override(self, reading: Reading, feed: Array, engaged: Mask) -> Array:
         recommended = self._recommended(reading.roughness_reference)
         highest = self._program.override_max * recommended
-        feed = np.where(engaged, np.minimum(feed, highest), recommended)
-        return np.clip(feed, self._feed_min, self._feed_max) / self._program.feed
+        limited = np.minimum(feed, highest)
+        feed = np.where(engaged, limited, recommended)
+        feed = np.clip(feed, self._feed_min, self._feed_max)
+        return feed / self._program.feed
 
 
 class ModelFeed(Policy):

@@ -137,9 +137,11 @@ class GuidedRule(SelfTuning):
         return np.concatenate([context, believed, history], axis=1)
 
     def act(self, observations: Observations) -> Actions:
-        actions = super().act(observations[:, : self._belief.entries])
+        without_context = observations[:, : self._belief.entries]
+        actions = super().act(without_context)
         # There is no third action if edges are changed without a command.
-        self._edge["change_commanded"] = actions[:, 2:].max(axis=1, initial=-1.0) > 0.0
+        edge_actions = actions[:, 2:]
+        self._edge["change_commanded"] = edge_actions.max(axis=1, initial=-1.0) > 0.0
         return actions
 
     def _observe(self, reading: Reading) -> None:

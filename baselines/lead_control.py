@@ -127,7 +127,8 @@ class LeadControl(Policy):
         """Send the actual feed of the last step through the lags of chip and sensor."""
         mean_feed = 0.5 * (self._feed_before + reading.feed)
         self._feed_before = reading.feed
-        load = np.where(reading.cutting, real_power(mean_feed, self._exponent), 0.0)
+        settled = real_power(mean_feed, self._exponent)
+        load = np.where(reading.cutting, settled, 0.0)
         self._chip += chip_share * (load - self._chip)
         self._sensed += self._sensor_share * (self._chip - self._sensed)
 

@@ -42,8 +42,10 @@ class Predictive(Optimiser):
         self._scheduled = any(has_forms(scenario) for scenario in self._scenarios)
         if self._scheduled:
             plans = [schedule(scenario) for scenario in self._scenarios]
-            self._speeds = SPEED_MARGIN * np.array([plan.cutting_speed for plan in plans])
-            self._change_at = LIFE_MARGIN * np.array([plan.change_at for plan in plans])
+            speeds = np.array([plan.cutting_speed for plan in plans])
+            changes = np.array([plan.change_at for plan in plans])
+            self._speeds = SPEED_MARGIN * speeds
+            self._change_at = LIFE_MARGIN * changes
 
     def _max_speed(self, used_life: Array) -> Any:
         if not self._scheduled:
@@ -68,7 +70,9 @@ class Predictive(Optimiser):
     def _times_ahead(self) -> Array:
         settling = SETTLING * self._scenario.machine.feed_time_constant
         horizon = self._scenario.control.interval + settling
-        return np.asarray(column(horizon) * np.arange(1.0, POINTS + 1.0) / POINTS)
+        numbers = np.arange(1.0, POINTS + 1.0)
+        times = column(horizon) * numbers / POINTS
+        return np.asarray(times)
 
     def _early(self, velocity: Array) -> Any:
         """Return how much earlier the tool may reach a bar than expected [mm]; velocity in mm/s."""

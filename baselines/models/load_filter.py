@@ -180,16 +180,20 @@ class LoadFilter:
 
     def assign(self, env_index: int, model: NominalModel) -> None:
         """Give an environment another nominal model, and reset it."""
-        self._prior.parameters[env_index] = model.parameters[0]
-        self._prior.mean[env_index] = model.mean[0]
-        self._prior.covariance[env_index] = model.covariance[0]
-        self.reset(np.arange(len(self._prior.mean)) == env_index)
+        prior = self._prior
+        prior.parameters[env_index] = model.parameters[0]
+        prior.mean[env_index] = model.mean[0]
+        prior.covariance[env_index] = model.covariance[0]
+        environments = np.arange(len(prior.mean))
+        self.reset(environments == env_index)
 
     def reset(self, mask: Mask) -> None:
         """Reset to the start of the first bar and to the prior."""
-        models = np.flatnonzero(mask) % len(self._prior.mean)
-        self.mean[mask] = self._prior.mean[models]
-        self.covariance[mask] = self._prior.covariance[models]
+        prior = self._prior
+        environments = np.flatnonzero(mask)
+        models = environments % len(prior.mean)
+        self.mean[mask] = prior.mean[models]
+        self.covariance[mask] = prior.covariance[models]
         self.memory[mask] = np.zeros((), MEMORY)
 
     @property

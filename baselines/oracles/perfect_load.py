@@ -233,7 +233,11 @@ def passes_reference(i, cut, lags, exponent, command, brake, rises):  # type: ig
 
 def covers(scenario: Scenario) -> bool:
     """Return whether an action sets the override, and nothing but two lags delays the load."""
-    on_time = scenario.machine.command_delay == 0.0 and scenario.spindle.short_time_load == 1.0
+    material = scenario.material
+    is_delayed = scenario.machine.command_delay != 0.0
+    limit_varies = scenario.spindle.short_time_load != 1.0
+    if is_delayed or limit_varies:
+        return False
     if holds_roughness(scenario):
-        return on_time and scenario.material.thrust_force.feed > 0.0
-    return on_time and on_override(scenario) and scenario.material.power.feed > 0.0
+        return material.thrust_force.feed > 0.0
+    return on_override(scenario) and material.power.feed > 0.0

@@ -545,8 +545,9 @@ class Row:
     def rank_key(self, scenario: str) -> RankKey:
         """Return the key of a controller's rank on a split: feasibility, then full cost."""
         episodes = self.scenarios[scenario]
-        charges = (episodes["reward_metal"] - episodes["return"]).sum()
-        cost = charges / max(episodes["removed"].sum(), 1e-9)
+        charges = episodes["reward_metal"] - episodes["return"]
+        removed = max(episodes["removed"].sum(), 1e-9)
+        cost = charges.sum() / removed
         return rank_key("rule", self._is_feasible(scenario), -cost)
 
 

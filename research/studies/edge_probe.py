@@ -353,7 +353,10 @@ def area_under_curve(scores: Array, present: NDArray[np.bool_]) -> float:
     """Return the chance that a job with the form scores higher than one without it."""
     with_form = scores[present][:, np.newaxis]
     without = scores[~present]
-    return float((with_form > without).mean() + 0.5 * (with_form == without).mean())
+    higher = (with_form > without).mean()
+    # Of equal scores, either may be the higher one.
+    equal = (with_form == without).mean()
+    return float(higher + 0.5 * equal)
 
 
 def area_with_interval(scores: Array, present: NDArray[np.bool_]) -> tuple[float, float, float]:

@@ -112,7 +112,10 @@ def _place(log_share: Tensor, shares: Sequence[float]) -> tuple[Tensor, Tensor]:
     inside = log_share.clamp(points[0], points[-1])
     index = torch.searchsorted(points, inside.detach(), right=True) - 1
     index = index.clamp(0, len(points) - 2)
-    return index, (inside - points[index]) / (points[index + 1] - points[index])
+    low = points[index]
+    high = points[index + 1]
+    place = (inside - low) / (high - low)
+    return index, place
 
 
 def fitted(context: Tensor, returns: Tensor, penalty: float) -> Law:

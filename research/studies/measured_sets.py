@@ -58,7 +58,8 @@ def first_of_each(rows: Sequence[dict[str, str]], *keys: str) -> list[dict[str, 
     """Return the first row of each run: further ones hold its other readings of roughness."""
     runs: dict[tuple[str, ...], dict[str, str]] = {}
     for row in rows:
-        runs.setdefault(tuple(row[key] for key in keys), row)
+        run = tuple(row[key] for key in keys)
+        runs.setdefault(run, row)
     return list(runs.values())
 
 

@@ -153,11 +153,14 @@ def calls_within(case: Case, seconds: float) -> int:
 
 def timed(case: Case, count: int) -> Timing:
     """Time ``count`` calls of a case."""
-    wall, cpu = time.perf_counter(), time.process_time()
+    wall_start = time.perf_counter()
+    cpu_start = time.process_time()
     for _ in range(count):
         case.step()
-    wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
-    return Timing(count * case.steps / wall, count * case.steps / max(cpu, 1e-9))
+    wall = time.perf_counter() - wall_start
+    cpu = time.process_time() - cpu_start
+    steps = count * case.steps
+    return Timing(rate=steps / wall, cpu_rate=steps / max(cpu, 1e-9))
 
 
 def our_cases() -> Iterator[Case]:

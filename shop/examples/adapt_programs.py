@@ -38,8 +38,10 @@ def path_of(name: str) -> Path:
 def situation_of(name: str, machine: Machine | None = None) -> Situation:
     """Return a program on its stock."""
     entry = COLLECTION[name]
-    moves = run(read_program_file(path_of(name)))
-    removal = remove(moves, read_stock(entry["stock"]), entry.get("tools", {}))
+    program = read_program_file(path_of(name))
+    moves = run(program)
+    stock = read_stock(entry["stock"])
+    removal = remove(moves, stock, entry.get("tools", {}))
     return Situation(SCENARIO, machine or Machine(), moves, removal)
 
 

@@ -54,7 +54,9 @@ def zigzag(moves: int) -> str:
     blocks = []
     for number in range(moves // 2):
         diameter = 60.0 - 80.0 * (number + 1) / moves
-        blocks.append(f"G1 X{diameter:.4f} F0.2\nZ{2.0 if number % 2 else -LENGTH}")
+        end = 2.0 if number % 2 else -LENGTH
+        blocks.append(f"G1 X{diameter:.4f} F0.2")
+        blocks.append(f"Z{end}")
     return HEAD + "\n".join(blocks)
 
 
@@ -63,7 +65,8 @@ def contour(moves: int) -> str:
     blocks = ["G0 X40.", "G1 Z0. F0.1"]
     for number in range(moves):
         z = LENGTH * (number + 1) / moves
-        blocks.append(f"X{45.0 - 8.0 * math.sin(z / 7.0):.4f} Z-{z:.4f}")
+        diameter = 45.0 - 8.0 * math.sin(z / 7.0)
+        blocks.append(f"X{diameter:.4f} Z-{z:.4f}")
     return HEAD + "\n".join(blocks)
 
 

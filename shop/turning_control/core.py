@@ -122,8 +122,11 @@ class Controller:
 
     def lacks(self, readings: Readings) -> list[str]:
         """Return the readings that the policy's observation needs and the machine does not give."""
+        observed = layout(self._scenario)
         needed = ["power", force_reading(self._scenario)]
-        needed += [name for name in FURTHER if name in layout(self._scenario)]
+        for name in FURTHER:
+            if name in observed:
+                needed.append(name)
         return [name for name in needed if math.isnan(getattr(readings, name))]
 
     def observe(self, readings: Readings) -> NDArray[np.float32]:

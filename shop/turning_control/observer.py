@@ -440,8 +440,10 @@ class Observer:
 
     def _moved_to(self, reading: Reading, moved: Values, passed_gap: Mask) -> Values:
         """Return the tool position along the bar [mm] after a distance in metal [mm]."""
-        place = np.where(self._in_metal, self._place, 0.0) + moved
-        place = np.where(passed_gap, place - self._scenario.workpiece.bar_length, place)
+        start = np.where(self._in_metal, self._place, 0.0)
+        place = start + moved
+        in_next_bar = place - self._scenario.workpiece.bar_length
+        place = np.where(passed_gap, in_next_bar, place)
         return np.where(reading.cutting, place, -1e-9)
 
     def _section(self) -> NDArray[np.intp]:
@@ -593,11 +595,14 @@ class Observer:
 
     def _feed_in_time(self, here: Values, there: Values) -> Values:
         """Return the feed from which it can fall in time to that of the following section."""
+        outlook = self._outlook
+        lowest = self._scenario.machine.feed_min
         # It falls to the lowest feed also if that one is too high there: another speed or the
         # operator must help then.
-        lowest = self._scenario.machine.feed_min
-        later = lowest + np.maximum(there - lowest, LOWEST_GAP * lowest) * self._outlook.slack
-        return np.minimum(np.where(self._outlook.in_air, np.inf, here), later)
+        gap = np.maximum(there - lowest, LOWEST_GAP * lowest)
+        later = lowest + gap * outlook.slack
+        now = np.where(outlook.in_air, np.inf, here)
+        return np.minimum(now, later)
 
     def _wear_ahead(self, speed: Values) -> Values:
         """Return the nominal flank wear [mm] at the end of the next command's step.
@@ -754,8 +759,10 @@ def proven_bound(reading: Reading, share: Values, law: PowerLaw) -> Values:
     present feed.
     """
     exponent = law.feed if law.feed > 0.0 else np.inf
-    bound = reading.feed * np.maximum(share, 1.0) ** (-1.0 / exponent)
-    return np.where(reading.cutting & (share > 1.0), bound, np.inf)
+    factor = np.maximum(share, 1.0) ** (-1.0 / exponent)
+    bound = reading.feed * factor
+    is_over = reading.cutting & (share > 1.0)
+    return np.where(is_over, bound, np.inf)
 
 
 def mean_of_lag(start: Values, end: Values, time_constant: float, interval: float) -> Values:
@@ -766,7 +773,8 @@ def mean_of_lag(start: Values, end: Values, time_constant: float, interval: floa
     if time_constant <= 0.0:
         return end
     remains = math.exp(-interval / time_constant)
-    return end + (start - end) * (time_constant / interval - remains / (1.0 - remains))
+    mean_share = time_constant / interval - remains / (1.0 - remains)
+    return end + (start - end) * mean_share
 
 
 def feeds_at_limits(

@@ -114,9 +114,10 @@ class PolicyProcess(Policy):
 
         If the policy fails to do so, the next ``act`` raises the error.
         """
+        request = {"reset": np.asarray(mask).tolist()}
         with contextlib.suppress(PolicyEndedError, TimeoutError):
             self._wait_until_free(time.monotonic() + self._deadline)
-            self._send({"reset": np.asarray(mask).tolist()}, time.monotonic() + self._deadline)
+            self._send(request, time.monotonic() + self._deadline)
 
     def act(self, observations: Observations) -> Actions:
         """Return the policy's actions.

@@ -265,8 +265,10 @@ class Shield(Policy):
         """
         machine = self._scenario.machine
         reaction = self._scenario.control.interval + machine.command_delay
-        share = max(lag_share(reaction, machine.feed_time_constant), MIN_SHARE)
-        return np.where(feed > bound, feed + (bound - feed) / share, bound)
+        covered = lag_share(reaction, machine.feed_time_constant)
+        share = max(covered, MIN_SHARE)
+        below_bound = feed + (bound - feed) / share
+        return np.where(feed > bound, below_bound, bound)
 
 
 def _refused(shape: tuple[int, int], reason: str, problem: str) -> tuple[Actions, NDArray[np.str_]]:

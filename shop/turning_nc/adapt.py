@@ -165,9 +165,12 @@ class _Planner:
         """Return the plan with more words that stay; None if there are none, or it is worse."""
         if not stay:
             return None
-        trial = self._plan(plan.search.words.keeping(stay), plan.wear)
+        words = plan.search.words.keeping(stay)
+        trial = self._plan(words, plan.wear)
         is_slower = trial.time > (1.0 + MIN_CHANGE) * plan.time
-        return None if is_slower or trial.excess > plan.excess else trial
+        if is_slower or trial.excess > plan.excess:
+            return None
+        return trial
 
     def _plan(self, words: AdaptableWords, wear: float) -> _Plan:
         """Return the plan with edges that are changed at a wear at the latest [mm]."""

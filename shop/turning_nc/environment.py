@@ -170,7 +170,10 @@ class ToolPath:
         place = path % self.ends[-1]
         index = int(np.searchsorted(self.ends, place, "right"))
         index = min(index, len(self.ends) - 1)
-        return Programmed(cutting_speed=float(self.speeds[index]), feed=float(self.feeds[index]))
+        return Programmed(
+            cutting_speed=float(self.speeds[index]),
+            feed=float(self.feeds[index]),
+        )
 
 
 class _Sections(NamedTuple):
@@ -331,7 +334,10 @@ class ProgramEnv(RoughTurningEnv):
     def _set_point(self, action: Any) -> NDArray[np.float32]:
         """Return the action of ``RoughTurningEnv`` for a feed override and a cutting speed."""
         machine = self.scenario.machine
-        override = 0.5 * MAX_OVERRIDE * (np.clip(float(action[0]), -1.0, 1.0) + 1.0)
-        feed = np.float64(override * self.tool_path.programmed(self._path).feed)
+        override_action = np.clip(float(action[0]), -1.0, 1.0)
+        override = 0.5 * MAX_OVERRIDE * (override_action + 1.0)
+        programmed = self.tool_path.programmed(self._path)
+        feed = np.float64(override * programmed.feed)
         mapped = set_point_action(feed, machine.feed_min, machine.feed_max)  # type: ignore[arg-type]
-        return np.array((action[1], np.clip(mapped, -1.0, 1.0)), np.float32)
+        feed_action = np.clip(mapped, -1.0, 1.0)
+        return np.array((action[1], feed_action), np.float32)

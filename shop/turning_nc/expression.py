@@ -193,7 +193,11 @@ def _is_allowed(node: ast.AST) -> bool:
 
 def number_text(value: float, decimals: int = DECIMALS) -> str:
     """Return a number with 1 to ``decimals`` decimals, without needless zeros and exponent."""
-    whole, _, digits = f"{value:.{decimals}f}".partition(".")
-    text = f"{whole}.{digits.rstrip('0') or '0'}"
+    rounded = f"{value:.{decimals}f}"
+    whole, _, digits = rounded.partition(".")
+    needed_digits = digits.rstrip("0") or "0"
+    text = f"{whole}.{needed_digits}"
     # A value that rounds to 0 has no sign.
-    return text.removeprefix("-") if float(text) == 0.0 else text
+    if float(text) == 0.0:
+        return text.removeprefix("-")
+    return text

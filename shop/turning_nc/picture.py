@@ -89,9 +89,13 @@ def _draw_passes(axes: Axes, situation: Situation, played: Play, unit: Unit) -> 
 
 
 def _draw_rapids(axes: Axes, situation: Situation, unit: Unit) -> None:
-    paths = [move.path for move in situation.moves.moves if move.kind == "rapid"]
-    segments = [unit.factor * np.array((path.start, path.end)) for path in paths]
-    axes.add_collection(LineCollection(segments, colors=GREY, linewidths=0.4, linestyles=":"))
+    segments = []
+    for move in situation.moves.moves:
+        if move.kind == "rapid":
+            ends = np.array((move.path.start, move.path.end))
+            segments.append(unit.factor * ends)
+    lines = LineCollection(segments, colors=GREY, linewidths=0.4, linestyles=":")
+    axes.add_collection(lines)
 
 
 def _frame_metal(axes: Axes, situation: Situation, unit: Unit) -> None:

@@ -73,7 +73,10 @@ def _first_missing(program: PartProgram, path: Path) -> tuple[str, Path] | None:
     if not missing:
         return None
     files = _files_beside(path, program.dialect)
-    return next(((name, files[name]) for name in missing if name in files), None)
+    for name in missing:
+        if name in files:
+            return name, files[name]
+    return None
 
 
 def _files_beside(path: Path, dialect: Dialect) -> dict[str, Path]:

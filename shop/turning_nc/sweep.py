@@ -98,7 +98,8 @@ class Removed:
         """Return the area removed after each distance [mm2]."""
         part = self._below(distances)
         mean_across = 0.5 * (part.low_across + part.high_across)
-        return -self._sign @ (mean_across * (part.high - part.low))
+        area_of_edges = mean_across * (part.high - part.low)
+        return -self._sign @ area_of_edges
 
     def moments(self, distances: Values) -> Values:
         """Return the first moment about the axis of the area removed after each distance [mm3]."""
@@ -224,9 +225,11 @@ def _front(sweep: Sweep) -> _Front:
 
 def _turns_left(first: _Corner, second: _Corner, third: _Corner) -> bool:
     """Return whether the path through three corners turns left or is straight."""
-    ahead = (second.across - first.across) * (third.along - first.along)
-    beside = (second.along - first.along) * (third.across - first.across)
-    return ahead >= beside
+    second_across = second.across - first.across
+    second_along = second.along - first.along
+    third_across = third.across - first.across
+    third_along = third.along - first.along
+    return second_across * third_along >= second_along * third_across
 
 
 def _edges(metal: NDArray[Any], sweep: Sweep) -> _Edges:

@@ -257,9 +257,11 @@ class _SortedCuts:
 
     def set_feeds(self, values: Values, speeds: Values, prices: Values) -> None:
         """Set the values of all feed words for given speeds of the cuts."""
-        best = self.best(self.sums(speeds[np.newaxis]), prices)
+        sums = self.sums(speeds[np.newaxis])
+        best = self.best(sums, prices)
         feeds = best.feeds[0].tolist()
-        for word, feed in zip(self._feed_words.tolist(), feeds, strict=True):
+        words = self._feed_words.tolist()
+        for word, feed in zip(words, feeds, strict=True):
             if word != NO_WORD:
                 values[word] = self._search.words.rounded_feed(feed, word)
 
@@ -323,9 +325,11 @@ class _SpeedChoice:
 
     def _sums(self, candidates: Values, values: Values) -> _Sums:
         """Return the sums for rows of candidates, a column for each speed word."""
-        others = self._search.speeds(values)[self._cuts.slices]
+        speeds = self._search.speeds(values)
+        others = speeds[self._cuts.slices]
         candidate_of_cut = candidates[:, self._column] * self._scale
-        return self._cuts.sums(np.where(self._is_set, candidate_of_cut, others))
+        speeds_of_cuts = np.where(self._is_set, candidate_of_cut, others)
+        return self._cuts.sums(speeds_of_cuts)
 
     def _among_coarse(self, values: Values, prices: Values) -> Values:
         steps = np.arange(self._low, self._high + 1e-9, self._step)

@@ -282,8 +282,10 @@ def _possible_depth(scenario: Scenario, cuts: Cuts) -> float:
     Loads are taken as proportional to the depth; most rise less.
     """
     allowed = allowed_loads(scenario)
-    power = allowed.power * capacity_at(scenario, cuts.cutting_speed)
-    share = np.maximum(cuts.thrust_force / allowed.thrust_force, cuts.power / power)
+    max_power = allowed.power * capacity_at(scenario, cuts.cutting_speed)
+    force_share = cuts.thrust_force / allowed.thrust_force
+    power_share = cuts.power / max_power
+    share = np.maximum(force_share, power_share)
     return scenario.workpiece.depth_of_cut / float(share.min())
 
 

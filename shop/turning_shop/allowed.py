@@ -137,9 +137,11 @@ class Allowed(NamedTuple):
 
     def keeps(self, scenario: Scenario, cuts: Cuts) -> NDArray[np.bool_]:
         """Return which cuts keep the loads and the wear criterion."""
+        max_power = self.power * capacity_at(scenario, cuts.cutting_speed)
+        wear_kept = cuts.wear_share <= 1.0
         force_kept = cuts.thrust_force <= self.thrust_force
-        power_kept = cuts.power <= self.power * capacity_at(scenario, cuts.cutting_speed)
-        return np.asarray((cuts.wear_share <= 1.0) & force_kept & power_kept)
+        power_kept = cuts.power <= max_power
+        return np.asarray(wear_kept & force_kept & power_kept)
 
 
 def allowed_loads(scenario: Scenario) -> Allowed:

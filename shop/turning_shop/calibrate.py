@@ -404,9 +404,11 @@ def _specific_force(fitted: Fit) -> str:
     Fc = kc1.1 b h^(1 - mc), and P [kW] = Fc [N] V [m/min] / 60,000. At a depth and a feed of 1 mm,
     and an entering angle of 90 degrees, b and h are 1 mm, and Fc is kc1.1.
     """
-    speed = float(np.exp(np.log(fitted.factors["cutting_speed"]).mean()))
+    log_speeds = np.log(fitted.factors["cutting_speed"])
+    speed = float(np.exp(log_speeds.mean()))
     power = float(fitted.law(speed, 1.0, 1.0, wear=0.0))
-    specific_force = f"kc1.1 {60e3 * power / speed:.4g} N/mm2"
+    force = 60e3 * power / speed
+    specific_force = f"kc1.1 {force:.4g} N/mm2"
     exponent = f"mc {1.0 - fitted.law.feed:.2f}"
     return f"a fresh edge has {specific_force}, {exponent} at {speed:.3g} m/min"
 

@@ -194,8 +194,11 @@ def _draw_line(callout: Callout, area: Bbox) -> None:
 def _line(callout: Callout, area: Bbox) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the centre of a mark, and the nearest point of the area of its text [pixels]."""
     mark = _extent(callout.mark)
-    centre = 0.5 * (np.asarray(mark.min) + np.asarray(mark.max))
-    return centre, np.clip(centre, area.min, area.max)
+    lowest = np.asarray(mark.min)
+    highest = np.asarray(mark.max)
+    centre = 0.5 * (lowest + highest)
+    nearest = np.clip(centre, area.min, area.max)
+    return centre, nearest
 
 
 def _crosses(callout: Callout, area: Bbox, other: Bbox) -> bool:

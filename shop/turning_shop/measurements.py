@@ -361,7 +361,11 @@ def _sums_up(cells: Sequence[str]) -> bool:
     """Return whether a row sums up others, or holds no number at all."""
     if not any(_is_number(cell) for cell in cells):
         return True
-    return any(cell.strip(" :").casefold().replace(".", "") in STATISTICS for cell in cells)
+    for cell in cells:
+        word = cell.strip(" :").casefold().replace(".", "")
+        if word in STATISTICS:
+            return True
+    return False
 
 
 def _is_number(cell: str) -> bool:

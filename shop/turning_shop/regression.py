@@ -255,7 +255,9 @@ def least_squares(design: Values, target: Values) -> Values:
 
 def _group_means(values: Values, group: NDArray[np.int64]) -> Values:
     """Return each row's mean over its group, for values of shape (rows,) or (rows, columns)."""
-    sums = np.zeros((int(group.max()) + 1, *values.shape[1:]))
+    groups = int(group.max()) + 1
+    sums = np.zeros((groups, *values.shape[1:]))
     np.add.at(sums, group, values)
-    means = (sums.T / np.bincount(group)).T
+    members = np.bincount(group)
+    means = (sums.T / members).T
     return np.asarray(means[group])

@@ -537,8 +537,10 @@ def _cost_range(job: Job, law: str, deviation: float) -> float:
 def _with_wear_evidence(evidence: Evidence, deviation: float) -> Evidence:
     """Return the evidence with a law of wear that is known to a log standard deviation."""
     before = evidence.laws["wear"]
-    narrow: LawEvidence = before.model_copy(update={"terms": (), "covariance": ((deviation**2,),)})
-    return evidence.model_copy(update={"laws": evidence.laws | {"wear": narrow}})
+    known = {"terms": (), "covariance": ((deviation**2,),)}
+    narrow: LawEvidence = before.model_copy(update=known)
+    laws = evidence.laws | {"wear": narrow}
+    return evidence.model_copy(update={"laws": laws})
 
 
 def _plan_again(job: Job, best: Plan, evidence: Evidence) -> Plan:

@@ -116,4 +116,5 @@ def _exceeded(cuts: Cuts, bending_force: float) -> Iterator[str]:
         "power": cuts.power_share,
     }
     for index in range(cuts.wear.size):
-        yield ", ".join(name for name, share in shares.items() if share.flat[index] > 1)
+        exceeded = [name for name, share in shares.items() if share.flat[index] > 1]
+        yield ", ".join(exceeded)

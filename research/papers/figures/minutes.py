@@ -117,9 +117,11 @@ def _limit_lines(responses: Responses, values: Array, limit: float) -> list[Arra
 
 def _wear_contours(wear: Array) -> Array:
     """Return three to six round numbers within an ascending range of wear [mm]."""
-    step = next(step for step in WEAR_STEPS if np.ptp(wear) / step < 6.0)
-    first = np.ceil(wear[0] / step) * step
-    contours: Array = np.round(np.arange(float(first), float(wear[-1]), step), 4)
+    span = np.ptp(wear)
+    step = next(step for step in WEAR_STEPS if span / step < 6.0)
+    first = float(np.ceil(wear[0] / step) * step)
+    last = float(wear[-1])
+    contours: Array = np.round(np.arange(first, last, step), 4)
     return contours
 
 

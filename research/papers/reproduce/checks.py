@@ -87,8 +87,11 @@ def counted(checks: Iterable[Check]) -> str:
     Verdicts that do not pass appear only if there are any.
     """
     counts = Counter(check.verdict for check in checks)
-    shown = [verdict for verdict in VERDICTS if counts[verdict] or verdict in PASSED]
-    return ", ".join(f"{verdict} {counts[verdict]}" for verdict in shown)
+    shown = []
+    for verdict in VERDICTS:
+        if counts[verdict] or verdict in PASSED:
+            shown.append(f"{verdict} {counts[verdict]}")
+    return ", ".join(shown)
 
 
 def at_least(what: str, paper: float, ours: float, not_reproduced: str = "") -> Check:

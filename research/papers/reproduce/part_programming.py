@@ -204,9 +204,11 @@ def uncorrected_cost(rule: str, blank: Blank, passes: int, slack: float = SLACK)
     """Return the cost of parts [min] on a path for the largest blank, by allowance."""
     depth = blank.largest / passes
     # Allowance that lies inside each pass, from the last pass to the first.
-    inside = np.arange(passes)[:, np.newaxis] * depth
+    number = np.arange(passes)[:, np.newaxis]
+    inside = number * depth
     met_depths = np.clip(blank.allowances - inside, 0.0, depth)
-    return np.asarray(pass_cost(rule, met_depths, slack=slack).sum(axis=0))
+    costs = pass_cost(rule, met_depths, slack=slack)
+    return np.asarray(costs.sum(axis=0))
 
 
 @cache
@@ -233,9 +235,11 @@ def gain_by_reading(rule: str, kind: str, spatial_deviation: float) -> float:
         kind: kind of blank, a name in ``READINGS``.
         spatial_deviation: spatial deviation [mm] in place of the one in use.
     """
-    blank = next(blank for blank in blanks() if (blank.name, blank.source) == (kind, "handbook"))
+    by_name = {(blank.name, blank.source): blank for blank in blanks()}
+    blank = by_name[kind, "handbook"]
     in_use = READINGS[kind][0]
-    return gain(rule, replace(blank, least=blank.least - in_use + spatial_deviation))
+    least = blank.least - in_use + spatial_deviation
+    return gain(rule, replace(blank, least=least))
 
 
 def gains(rule: str, source: str, slack: float = SLACK) -> dict[str, float]:

@@ -215,8 +215,10 @@ def find_cuts(record: Record, settings: Settings) -> Cuts:
 def _median(values: Values, weights: Values) -> float:
     """Return the weighted median."""
     order = np.argsort(values)
-    share = np.cumsum(weights[order])
-    return float(values[order][np.searchsorted(share, 0.5 * share[-1])])
+    summed_weights = np.cumsum(weights[order])
+    half = 0.5 * summed_weights[-1]
+    place = np.searchsorted(summed_weights, half)
+    return float(values[order][place])
 
 
 def _stretches(record: Record, in_metal: NDArray[np.bool_]) -> Iterator[slice]:
