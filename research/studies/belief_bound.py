@@ -346,6 +346,17 @@ def _log_rate_of_life(p):
 
 
 @compiled
+def _rate_of_life(p, nominal, speed, feed):
+    """Return the rate at which life is used at a log speed and feed [1/s], by Taylor's law.
+
+    ``nominal``: log rate of ``_log_rate_of_life``.
+    """
+    law = p.wear_law
+    by_setting = law.cutting_speed[0] * speed + law.feed[0] * feed
+    return np.exp(nominal + by_setting * p.life_exponent[0])
+
+
+@compiled
 def _set_speeds(speeds, force, power, p, speed_steps):
     """Set the candidates of log cutting speed for log ratios of expected loads to their limits."""
     force_by_speed = p.force_law.cutting_speed[0]
@@ -428,13 +439,7 @@ def _best_return(  # noqa: PLR0913
                             power + power_law.cutting_speed[0] * speed + power_law.feed[0] * feed,
                             belief,
                         )
-                        # Taylor's law: the log rate of using life is linear in log speed and feed.
-                        taylor = (
-                            nominal_life
-                            + (wear_law.cutting_speed[0] * speed + wear_law.feed[0] * feed)
-                            * p.life_exponent[0]
-                        )
-                        using = rate * np.exp(taylor) * time
+                        using = rate * _rate_of_life(p, nominal_life, speed, feed) * time
                         gain = (
                             worth
                             - time * (1.0 + p.overload_price[0] * overload)
