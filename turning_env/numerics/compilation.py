@@ -9,6 +9,7 @@ compiled into it. Folders of older sources are removed.
 
 import atexit
 import functools
+import gc
 import hashlib
 import inspect
 import logging
@@ -93,7 +94,7 @@ def compiled_entry(function: Callable[..., Any]) -> Any:
         notice = nullcontext() if kept else _notice(name)
         # The lock lets one process compile, while the others wait for its code.
         lock = nullcontext() if folder is None else file_lock(folder / f".{name}", wait=True)
-        with notice, lock:
+        with notice, lock, _no_garbage_collection():
             cache_dir = config.CACHE_DIR
             try:
                 config.CACHE_DIR = str(folder or cache_dir)
@@ -109,6 +110,18 @@ def compiled_entry(function: Callable[..., Any]) -> Any:
         return result
 
     return function if config.DISABLE_JIT else entry
+
+
+@contextmanager
+def _no_garbage_collection() -> Iterator[None]:
+    """Pause the garbage collector, which would search the compiler's many objects for nothing."""
+    paused = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if paused:
+            gc.enable()
 
 
 @contextmanager
