@@ -27,7 +27,6 @@ from numba.core.untyped_passes import (
     GenericRewrites,
     InlineClosureLikes,
     IRProcessing,
-    LiteralUnroll,
     ReconstructSSA,
     TranslateByteCode,
 )
@@ -113,15 +112,14 @@ class EntryLowering(NativeLowering):
         return True
 
 
-# Passes for ``with``, functions inside a function, literal arguments and parallel loops are left
-# out; list comprehensions are compiled.
+# Passes for ``with``, functions inside a function, literal arguments, unrolled tuples and parallel
+# loops are left out; list comprehensions are compiled.
 _LINKED_PASSES = (
     TranslateByteCode,
     FixupArgs,
     IRProcessing,
     InlineClosureLikes,
     GenericRewrites,
-    LiteralUnroll,
     ReconstructSSA,
     NopythonTypeInference,
     PreLowerStripPhis,

@@ -12,8 +12,6 @@ phenomenon has its equations in a file of its own. Integration: ``docs/models.md
 
 import math
 
-from numba import literal_unroll
-
 from turning_env.numerics.compilation import (
     FIRST_ENV,
     ONE_ENV,
@@ -39,8 +37,6 @@ from turning_env.physics.quantities import (
     OVERRIDE,
     PART,
     SET_POINT,
-    STATE,
-    WIDTH,
 )
 from turning_env.physics.report import clear_sums, finish_step
 from turning_env.physics.sensors import follow_process, read_sensors
@@ -63,13 +59,8 @@ from turning_env.physics.workpiece import (
 )
 from turning_env.scenario.power_law import MIN_DEPTH, MIN_LIFE
 
-_IDENTITY = ("seed", "episode")  # of an episode, which its start keeps
-_ZERO_AT_START = tuple(
-    quantity.name
-    for quantity in STATE
-    # ``drives.note_command`` fills the queues of past commands, which have another shape.
-    if quantity.name not in _IDENTITY and quantity.shape == (WIDTH,)
-)
+# The start of an episode keeps the first rows of a state: its seed and its number.
+_IDENTITY_ROWS = 2
 
 
 @compiled_separately
@@ -105,9 +96,10 @@ def start_episode(state, work, report, i, p):
 
 @compiled
 def clear_state(state, i):
-    """Set all that an episode before left behind to 0; apart, as ``report.copy_kept``."""
-    for name in literal_unroll(_ZERO_AT_START):
-        state[name][i] = 0
+    """Set all that an episode before left behind to 0."""
+    table = state.table
+    for k in range(_IDENTITY_ROWS, table.shape[0]):
+        table[k, i] = 0.0
 
 
 @compiled_separately

@@ -27,18 +27,22 @@ def _quantity_fields(table: Iterable[quantities.Quantity]) -> list[Any]:
     return [(quantity.name, quantity.dtype, quantity.shape) for quantity in table]
 
 
-def _table_type(names: list[str]) -> np.dtype[Any]:
-    """Return a type with a field for every name, and ``table`` for all of them.
+def _table_type(fields: list[Any]) -> np.dtype[Any]:
+    """Return a type with the fields, each of one or more rows, and ``table`` for all of them.
 
-    ``table`` has shape (names, WIDTH). It overlaps the fields: loops over all quantities use it.
+    ``table`` has shape (rows, WIDTH). It overlaps the fields: loops over many quantities use it,
+    and read those of whole numbers as the floats with the same bits.
     """
-    row = (np.float64, (WIDTH,))
-    table = (np.float64, (len(names), WIDTH))
-    row_starts = [k * WIDTH * _BYTES for k in range(len(names))]
+    starts = []
+    end = 0
+    for _, dtype, shape in fields:
+        starts.append(end)
+        end += np.dtype((dtype, shape)).itemsize
+    rows = end // (WIDTH * _BYTES)
     layout: Any = {
-        "names": [*names, "table"],
-        "formats": [*[row] * len(names), table],
-        "offsets": [*row_starts, 0],
+        "names": [*[name for name, _, _ in fields], "table"],
+        "formats": [*[(dtype, shape) for _, dtype, shape in fields], (np.float64, (rows, WIDTH))],
+        "offsets": [*starts, 0],
     }
     return np.dtype((np.record, np.dtype(layout, align=True)))
 
@@ -75,13 +79,21 @@ SHARED_PARAMETERS = [name for name, _ in _SHARED]
 In the others, which come first in a record, each environment can differ.
 """
 
-STATE = _record_type(_quantity_fields(quantities.STATE))
+STATE = _table_type(_quantity_fields(quantities.STATE))
 _OBSERVATION = ("observation", np.float64, (len(quantities.OBSERVATION), WIDTH))
 WORK = _record_type([*_quantity_fields(quantities.WORK), _OBSERVATION])
-REPORT = _table_type([quantity.name for quantity in quantities.REPORT])
+# A report shows all of its quantities as numbers.
+REPORT = _table_type([(quantity.name, np.float64, (WIDTH,)) for quantity in quantities.REPORT])
 PARAMETERS = _record_type([*_DIFFERING, *_SHARED])
 SCRATCH = _record_type([("work", WORK), ("report", REPORT)])
 """A thread's working memory, without the environments' states."""
+
+
+def row_of(dtype: np.dtype[Any], name: str) -> int:
+    """Return the first row of a quantity in the ``table`` of a ``STATE`` or a ``REPORT``."""
+    assert dtype.fields is not None
+    offset = dtype.fields[name][1]
+    return offset // (WIDTH * _BYTES)
 
 
 def new_records(dtype: np.dtype[Any], count: int) -> Any:

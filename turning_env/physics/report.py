@@ -7,10 +7,10 @@ overload is an assumption (``docs/assumptions.md``).
 import math
 
 import numpy as np
-from numba import literal_unroll
 
 from turning_env.numerics.compilation import compiled, env_range
 from turning_env.numerics.functions import exp
+from turning_env.physics import records
 from turning_env.physics.quantities import AT_END, KEPT, REPORT
 from turning_env.physics.spindle import capacity, idle_power
 from turning_env.physics.surface import roughness
@@ -19,6 +19,9 @@ from turning_env.physics.wear import log_wear
 # Values at the end of a step come first in the report, its sums after them.
 _FIRST_SUM = len(AT_END)
 _ROWS = len(REPORT)
+# Rows of the quantities that a state and a report share, in the tables of both.
+_KEPT_IN_STATE = np.array([records.row_of(records.STATE, name) for name in KEPT])
+_KEPT_IN_REPORT = np.array([records.row_of(records.REPORT, name) for name in KEPT])
 _ROUNDING = 1e-6  # [mm] error of a path that is the sum of whole bars
 
 
@@ -105,13 +108,12 @@ def write_state(state, report, first, last, p):
 
 @compiled
 def copy_kept(state, report, first, last):
-    """Copy the quantities that a state and a report share.
-
-    It is a function of its own, because Numba infers the types of one that unrolls names twice.
-    """
-    for name in literal_unroll(KEPT):
+    """Copy the quantities that a state and a report share."""
+    for k in range(len(KEPT)):
+        source = _KEPT_IN_STATE[k]
+        target = _KEPT_IN_REPORT[k]
         for i in env_range(first, last):
-            report[name][i] = state[name][i]
+            report.table[target, i] = state.table[source, i]
 
 
 @compiled
