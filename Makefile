@@ -98,6 +98,7 @@ results: .venv/run
 				$$play --policies self_tuning --forgets; \
 				$$play --scenario unmodelled --splits --policies idle never_cut random fixed_nominal_optimum fixed_nominal_share predictive self_tuning contextual causal; \
 				$$play --scenario unmodelled --splits --policies self_tuning --knows true_forms; \
+				$$play --scenario unmodelled2 --policies idle never_cut random fixed_nominal_optimum fixed_nominal_share predictive self_tuning contextual chip_window reactive known_forms causal; \
 				continue;; \
 			*) seeds="--seeds $(TASK_SEEDS)";; \
 		esac; \
@@ -105,7 +106,7 @@ results: .venv/run
 			--keep-names --replace --agents $$(ls $(SHIPPED)/$$env/*/*.onnx 2> /dev/null); \
 	done
 	.venv/bin/python -m leaderboard cards --results $(SHIPPED_RESULTS) --agents $(SHIPPED)
-	.venv/bin/python -m leaderboard pack --results $(SHIPPED_RESULTS)
+	.venv/bin/python -m leaderboard pack --results $(SHIPPED_RESULTS) --validation
 
 # Play the results that ship again and fail if a number differs.
 verify: .venv/run
