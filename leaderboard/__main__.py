@@ -123,6 +123,9 @@ def _run(options: argparse.Namespace) -> None:
         tuned_on = None if task is tasks[0] else tasks[0].scenario
         runs.append(_task_run(options, task, tuned_on, refused=refused))
     failed = list(refused.values())
+    for reason in failed:
+        # The others play for minutes, and whoever mistyped a path need not wait for them.
+        print(f"left out: {reason}", file=sys.stderr, flush=True)
     with workers(options.jobs, options.scheduler) as over:
         for task_run in runs:
             start_results(task_run.folder, task_run.task)
