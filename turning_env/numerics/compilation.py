@@ -149,10 +149,12 @@ def machine_code_folder(sources: Path) -> Path | None:
     name = f"{_NAME}{_digests(sources)}"
     prepared = places[0] / name
     if prepared.is_dir():
-        # A copy for this process alone, in case no other place can be written to.
-        own_copy = Path(tempfile.gettempdir(), f"rough-turning-{os.getpid()}")
-        atexit.register(shutil.rmtree, own_copy, ignore_errors=True)
-        places.append(own_copy)
+        # A copy for this process alone, in case no other place can be written to. A read-only
+        # container may have no folder for temporary files: then there is no copy either.
+        with suppress(FileNotFoundError):
+            own_copy = Path(tempfile.gettempdir(), f"rough-turning-{os.getpid()}")
+            atexit.register(shutil.rmtree, own_copy, ignore_errors=True)
+            places.append(own_copy)
     for place in places:
         folder = place / name
         with suppress(OSError):

@@ -132,3 +132,24 @@ def test_code_compiled_beforehand_is_read_where_it_cannot_be_written(
     cache = tmp_path / "home" if home else folder / "entry.py" / "home"
     assert finished(start(folder, PYTHONPATH=path, XDG_CACHE_HOME=str(cache))) == ""
     assert home == any(tmp_path.glob("home/**/*.nbc"))
+
+
+NO_TEMPORARY_FOLDER = """
+import tempfile
+def refuse():
+    raise FileNotFoundError
+tempfile.gettempdir = refuse
+"""
+
+
+def test_without_any_folder_to_write_to_entries_run_with_a_warning(
+    folder: Path, tmp_path: Path
+) -> None:
+    """A read-only container without a folder for temporary files plays, too."""
+    finished(start(folder))
+    read_only = READ_ONLY.format(folder=str(folder))
+    (tmp_path / "sitecustomize.py").write_text(read_only + NO_TEMPORARY_FOLDER)
+    path = os.pathsep.join(map(str, (tmp_path, folder, ROOT)))
+    cache = folder / "entry.py" / "home"
+    notices = finished(start(folder, PYTHONPATH=path, XDG_CACHE_HOME=str(cache)))
+    assert "compiled code cannot be kept" in notices
