@@ -98,7 +98,7 @@ results: .venv/run
 				$$play --policies self_tuning --forgets; \
 				$$play --scenario unmodelled --splits --policies idle never_cut random fixed_nominal_optimum fixed_nominal_share predictive self_tuning contextual causal; \
 				$$play --scenario unmodelled --splits --policies self_tuning --knows true_forms; \
-				$$play --scenario unmodelled2 --policies idle never_cut random fixed_nominal_optimum fixed_nominal_share predictive self_tuning contextual chip_window reactive known_forms causal; \
+				$$play --scenario unmodelled2 --splits --policies idle never_cut random fixed_nominal_optimum fixed_nominal_share predictive self_tuning contextual chip_window reactive known_forms causal; \
 				continue;; \
 			*) seeds="--seeds $(TASK_SEEDS)";; \
 		esac; \

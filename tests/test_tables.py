@@ -99,7 +99,7 @@ def test_the_scores_of_the_readme_are_those_of_its_command(monkeypatch, capsys) 
     printed = {row["task"]: row for row in rows_of(capsys.readouterr().out)}
     shown = rows_of(table)
     left_out = printed.keys() - {row["task"] for row in shown}
-    assert left_out <= {"RoughTurning-Paper-v0", "unmodelled2"}
+    assert left_out <= {"RoughTurning-Paper-v0"}
     for row in shown:
         # The README says in words what a task asks for, and leaves out some kinds of policies.
         del row["it asks for"]

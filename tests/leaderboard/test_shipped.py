@@ -97,8 +97,6 @@ def test_every_rule_and_oracle_has_a_result(env_id: str, preset: str) -> None:
 
 
 SPLITS_OF_FAMILIES = ("unseen_jobs", "unseen_machines", "unseen_materials")
-FEWER_SPLITS = {"unmodelled2": ("unseen_jobs",)}
-"""Families whose policies have not played all splits."""
 KNOWING = {
     "shop": "self_tuning with true laws",
     "unmodelled": "self_tuning with true forms",
@@ -110,7 +108,7 @@ KNOWING = {
 def test_policies_of_the_family_play_every_job_of_their_splits() -> None:
     knowing = {}
     for family in set(families()) - set(DRAFTS):
-        for split in FEWER_SPLITS.get(family, SPLITS_OF_FAMILIES):
+        for split in SPLITS_OF_FAMILIES:
             knowing[f"{family}-{split}"] = KNOWING[family]
     assert {folder.name for folder in (RESULTS / FAMILY_ID).iterdir()} == knowing.keys()
     for name in sorted(knowing):
