@@ -47,7 +47,9 @@ def folder(tmp_path: Path) -> Path:
 
 def start(folder: Path, **variables: str) -> "subprocess.Popen[str]":
     path = os.pathsep.join([str(folder), str(ROOT)])
-    variables = os.environ | {"PYTHONPATH": path} | variables
+    # Bytecode would hide a source that is changed, to one of the same size, within a second.
+    settings = {"PYTHONPATH": path, "PYTHONDONTWRITEBYTECODE": "1"}
+    variables = os.environ | settings | variables
     command = [sys.executable, "-c", PROGRAM]
     return subprocess.Popen(
         command, env=variables, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
