@@ -21,6 +21,7 @@ from turning_env.numerics.compilation import (
 )
 from turning_env.numerics.functions import exp, log
 from turning_env.numerics.keyed_random import TANGLE_CHANNEL, exponential
+from turning_env.physics import records
 from turning_env.physics.drives import clipped, follow_late_command, note_command, set_point
 from turning_env.physics.edge import break_edge, change_edge, charge, fit_edge, stop_machine
 from turning_env.physics.failure import break_failing_edges
@@ -59,8 +60,8 @@ from turning_env.physics.workpiece import (
 )
 from turning_env.scenario.power_law import MIN_DEPTH, MIN_LIFE
 
-# The start of an episode keeps the first rows of a state: its seed and its number.
-_IDENTITY_ROWS = 2
+# The start of an episode keeps the rows of a state before this one: its seed and its number.
+_FIRST_CLEARED_ROW = records.row_of(records.STATE, "step_count")
 
 
 @compiled_separately
@@ -98,7 +99,7 @@ def start_episode(state, work, report, i, p):
 def clear_state(state, i):
     """Set all that an episode before left behind to 0."""
     table = state.table
-    for k in range(_IDENTITY_ROWS, table.shape[0]):
+    for k in range(_FIRST_CLEARED_ROW, table.shape[0]):
         table[k, i] = 0.0
 
 
