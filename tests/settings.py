@@ -10,6 +10,8 @@ from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, settings
+from hypothesis.internal.conjecture import providers
+from hypothesis.internal.constants_ast import Constants
 
 from tests.programs import NO_CHROMIUM
 from tests.walking import MAX_SECONDS
@@ -38,6 +40,10 @@ sys.dont_write_bytecode = False
 os.environ["SDL_VIDEODRIVER"] = "dummy"
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "suite"))
 SOAKS = os.environ.get("HYPOTHESIS_PROFILE") == "soak"
+if not SOAKS:
+    # Hypothesis also draws the constants of all modules imported so far: inputs would depend on the
+    # tests that ran before in the same worker. No setting turns this off.
+    providers._get_local_constants = Constants
 
 LONGEST = (
     "tests/test_pages.py",

@@ -11,6 +11,10 @@ from turning_env import Scenario, presets
 Path = tuple[str, ...]
 _SCHEMA = Scenario.model_json_schema()
 _MAX_CHANGES = 40
+# With higher exponents, a law may leave the range of numbers that a response may have.
+_MAX_EXPONENT = 3.0
+_MAX_LOG_GROWTH = 50.0
+"""Largest logarithm by which the rate of wear grows after its tertiary phase begins [-]."""
 BASES = {preset: Scenario.load(preset).model_dump() for preset in presets()}
 
 
@@ -99,6 +103,7 @@ def reconciled(drawn: dict[str, Any]) -> dict[str, Any]:
     _reconcile_laws(changed)
     _reconcile_spindle(changed)
     _reconcile_depth_profile(changed["workpiece"])
+    _reconcile_holder(changed["tool"])
     _sort(changed["surface"], "reference")
     _sort(changed["swarf"], "chip_feed")
     _sort(changed["swarf"], "chip_depth")
@@ -132,8 +137,11 @@ def _reconcile_range(changed: dict[str, Any], name: str) -> None:
 def _reconcile_wear_and_times(changed: dict[str, Any]) -> None:
     control = changed["control"]
     machine = changed["machine"]
-    if changed["mismatch"]["initial_wear"] >= changed["tool"]["wear_criterion"]:
+    criterion = changed["tool"]["wear_criterion"]
+    if changed["mismatch"]["initial_wear"] >= criterion:
         changed["mismatch"]["initial_wear"] = 0.0
+    failure = changed["edge_failure"]
+    failure["tertiary_rate"] = min(failure["tertiary_rate"], _MAX_LOG_GROWTH / criterion)
     if control["time_limit"] * 60.0 < control["interval"]:
         control["interval"] = control["time_limit"] * 60.0
     machine["command_delay"] = min(machine["command_delay"], 4.0 * control["interval"])
@@ -175,7 +183,9 @@ def _reconcile_laws(changed: dict[str, Any]) -> None:
     for name in ("radial_force", "torque", "roughness"):
         law = changed["limits"][name]
         law |= {"cutting_speed": 0.0, "time": 0.0, "wear": 0.0, "wear_growth": 0.0}
-        law["feed"] = abs(law["feed"]) or 0.75
+        law["feed"] = min(abs(law["feed"]) or 0.75, _MAX_EXPONENT)
+        for factor in ("depth_of_cut", "hardness"):
+            law[factor] = min(max(law[factor], -_MAX_EXPONENT), _MAX_EXPONENT)
 
 
 def _reconcile_spindle(changed: dict[str, Any]) -> None:
@@ -196,6 +206,12 @@ def _reconcile_depth_profile(work: dict[str, Any]) -> None:
     if work["section_lengths"]:
         work["section_lengths"] = (work["bar_length"] / max(sections, 1),) * sections
     work["section_speeds"] = (work["section_speeds"] * sections)[:sections]
+
+
+def _reconcile_holder(tool: dict[str, Any]) -> None:
+    """Give a holder that is longer than 0 a shank."""
+    if tool["overhang"] > 0.0:
+        tool["shank_diameter"] = tool["shank_diameter"] or 25.0
 
 
 def _put(tree: dict[str, Any], path: Path, value: Any) -> None:
