@@ -239,6 +239,7 @@ class Optimiser(Policy):
         points["power_spread"] = np.maximum(self._caution * outlook.power_spread, MIN_SPREAD)
         points["strength_spread"] = np.maximum(strength_spread, MIN_SPREAD)
         points["metal_value"] = depth / column(scenario.economics.reference_removal_rate)
+        # Wear by a factor uses life by the factor to the power 1 / n, with n the exponent of time.
         points["life_price"] = column(price) * exp(log_wear / column(wear_law.time))
         points["cutting"] = ahead.cutting
         points["unmeasured"] = ahead.unmeasured
@@ -315,8 +316,9 @@ class Optimiser(Policy):
 
         ``commanded``: present value; ``ends``: of its range; ``step``: largest change of its log.
         """
-        low = log(ends[0])
-        high = log(ends[1])
+        lowest_value, highest_value = ends
+        low = log(lowest_value)
+        high = log(highest_value)
         if self._scenario.control.action == "set_point":
             return low, high
         present = log(commanded)

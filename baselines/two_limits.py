@@ -73,9 +73,8 @@ class Optimum(NamedTuple):
 
     log_speed: Array
     log_feed: Array
-    pair: NDArray[
-        np.int64
-    ]  # place in ``_pairs`` of the limits that fix it, or their number if none
+    pair: NDArray[np.int64]
+    """Place in ``_pairs`` of the limits that fix the point, or the number of pairs if none do."""
 
 
 def limits(rule: str, process: Process) -> tuple[Limit, Limit]:
@@ -87,15 +86,19 @@ def limits(rule: str, process: Process) -> tuple[Limit, Limit]:
     if rule not in TWO_LIMITS:
         known = f"{', '.join(TWO_LIMITS)} and {ECONOMIC_OPTIMUM}"
         raise ValueError(f"no rule is called {rule!r}; there are {known}")
+    _, max_speed = process.cutting_speed_range
+    _, max_feed = process.feed_range
     limit_of = {
         "P": process.thrust_force,
         "N": process.power,
         "M": process.torque,
-        "V": Limit(_CUTTING_SPEED, process.cutting_speed_range[1]),
-        "S": Limit(_FEED, process.feed_range[1]),
+        "V": Limit(_CUTTING_SPEED, max_speed),
+        "S": Limit(_FEED, max_feed),
     }
-    first = limit_of[rule[0]]
-    second = process.life_limit(first) if rule[1] == "T" else limit_of[rule[1]]
+    first_letter = rule[0]
+    second_letter = rule[1]
+    first = limit_of[first_letter]
+    second = process.life_limit(first) if second_letter == "T" else limit_of[second_letter]
     if first.parallel(second):
         raise ValueError(
             f"[{rule}] fixes no point: "
@@ -236,8 +239,10 @@ def _within_ranges(process: Process, lines: tuple[Line, Line], point: LogPoint) 
 def _within_force_and_power(process: Process, lines: Lines, point: LogPoint) -> LogPoint:
     """Apply step 2 of the module's description."""
     log_speed, log_feed = point
-    slowest = log(process.cutting_speed_range[0])
-    lowest = log(process.feed_range[0])
+    min_speed, _ = process.cutting_speed_range
+    min_feed, _ = process.feed_range
+    slowest = log(min_speed)
+    lowest = log(min_feed)
     feeds = [line.highest_feed(log_speed) for line in lines]
     wanted = np.minimum(log_feed, reduce(np.minimum, feeds))
     feed = np.maximum(wanted, lowest)

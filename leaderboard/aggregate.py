@@ -44,7 +44,7 @@ BEST_AGENT = "best unprivileged agent"
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of policies, of which the best one stands for all on each task."""
+    """A kind of policies; on each task, the best of them represents it."""
 
     title: str
     holds: Callable[[Standing, str], bool]
@@ -237,7 +237,7 @@ def entries(tasks: Sequence[TaskScores], policies: Collection[str] = ()) -> dict
     well. Raise ResultError if a policy plays none of the others.
     """
     counted = [task for task in tasks if task.ranks_agents]
-    found: dict[str, Entry] = {}
+    entry_by_title: dict[str, Entry] = {}
     for kind in KINDS:
         entry = {}
         for task in counted:
@@ -245,13 +245,13 @@ def entries(tasks: Sequence[TaskScores], policies: Collection[str] = ()) -> dict
             if name is not None:
                 entry[task] = name
         if entry:
-            found[kind.title] = entry
+            entry_by_title[kind.title] = entry
     for policy in policies:
         entry = {task: policy for task in counted if task.has(policy)}
         if not entry:
             raise ResultError(f"no policy is called {policy}")
-        found[policy] = entry
-    return found
+        entry_by_title[policy] = entry
+    return entry_by_title
 
 
 def mean_score(entry: Entry) -> Mean:
@@ -322,10 +322,10 @@ def over_tasks(
 def _text(estimate: Estimate, factor: float = 1.0) -> str:
     """Return an estimate with its interval."""
     decimals = min(estimate.decimals(factor), 1)
-    texts = []
-    for value in (estimate.value, estimate.low, estimate.high):
-        texts.append(f"{factor * value:.{decimals}f}")
-    return f"{texts[0]} ({texts[1]} to {texts[2]})"
+    value = f"{factor * estimate.value:.{decimals}f}"
+    low = f"{factor * estimate.low:.{decimals}f}"
+    high = f"{factor * estimate.high:.{decimals}f}"
+    return f"{value} ({low} to {high})"
 
 
 def levels_and_shares(entry: Entry, levels: Floats) -> Mapping[str, Floats]:

@@ -118,7 +118,9 @@ def verify(
     for path, verifiable in examined.results.items():
         if verifiable.player is not None and verifiable.result.checksum not in came_back:
             replays[path] = _Replay(verifiable, _places(verifiable.result, seeds))
-    pieces = sorted(replays.items(), key=lambda piece: -_length(piece[1].verifiable.result))
+    # The longest first, so that no worker plays on long after the others have finished.
+    longest_first = sorted(replays, key=lambda path: -_length(replays[path].verifiable.result))
+    pieces = [(path, replays[path]) for path in longest_first]
 
     with progress(
         total=len(examined.results),

@@ -94,6 +94,7 @@ def numbers_of(scenario: Scenario, severity: float) -> dict[str, Any]:
     economics = scenario.economics
     work = scenario.workpiece
     edge_changes = scenario.control.edge_changes
+    min_feed, max_feed = scenario.feed_range
     depth_spread = hypotenuse(work.depth_bar_spread, work.depth_along_spread) / work.depth_of_cut
     hardness_spread = hypotenuse(work.hardness_bar_spread, work.hardness_along_spread)
 
@@ -124,17 +125,16 @@ def numbers_of(scenario: Scenario, severity: float) -> dict[str, Any]:
         # Range of the set point [log m/min], [log mm/rev].
         "min_log_speed": log(scenario.machine.cutting_speed_min),
         "max_log_speed": log(scenario.cutting_speed_max),
-        "min_log_feed": log(scenario.feed_range[0]),
-        "max_log_feed": log(scenario.feed_range[1]),
+        "min_log_feed": log(min_feed),
+        "max_log_feed": log(max_feed),
         # Value of metal over cutting speed and feed [per m/min and mm/rev].
         "metal_value": work.depth_of_cut / economics.reference_removal_rate,
         # Idle power over the limit, per cutting speed [min/m].
         "idle_power": idle_power_at(scenario, 1.0) / limits.power,
         "edge_cost": 60.0 * economics.edge_cost,  # [s]
         "edge_change_time": 60.0 * economics.edge_change_time,  # [s]
-        "limits_time": float(
-            edge_changes != "end"
-        ),  # 1 if a second could be spent elsewhere, else 0
+        # 1 if a second could be spent elsewhere, else 0.
+        "limits_time": float(edge_changes != "end"),
         "min_life_price": 0.0 if edge_changes == "commanded" else -np.inf,  # [s]
     }
 
@@ -149,8 +149,8 @@ def price_life(parameters, laws, used_lives, prices):
         used_lives: used shares D of the edges' lives [-], shape (num_envs,).
         prices: records of ``PRICES``, shape (num_envs,), which are overwritten.
     """
-    # Of each set point: what it earns until the edge is worn out [s], and how long that takes [s].
-    # The rows are shares of the life; the last one is the environment's own.
+    # Earnings of each set point until the edge is worn out [s], and the time until then [s]. The
+    # rows are used lives; the last one is the environment's own.
     earned = np.empty((LIVES + 1, SPEEDS))
     lasts = np.empty((LIVES + 1, SPEEDS))
     for i in range(len(prices)):

@@ -63,9 +63,10 @@ def collapses(scenario: Scenario) -> bool:
     failure = scenario.edge_failure
     if failure.collapse_temperature <= 0.0:
         return False
+    _, max_feed = scenario.feed_range
     hottest = failure.temperature(
         scenario.cutting_speed_max,
-        scenario.feed_range[1],
+        max_feed,
         scenario.workpiece.depth_of_cut,
         wear=scenario.tool.wear_criterion,
     )

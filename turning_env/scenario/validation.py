@@ -313,9 +313,9 @@ def _log_span(law: PowerLaw, factors: dict[str, Span]) -> Span:
         exponent = getattr(law, name)
         if name == "wear":
             factor = Span(*(float(log_wear_term(law.wear_growth, end)) for end in factor))
-        ends = sorted((exponent * factor.low, exponent * factor.high))
-        low += ends[0]
-        high += ends[1]
+        smaller, larger = sorted((exponent * factor.low, exponent * factor.high))
+        low += smaller
+        high += larger
     return Span(low, high)
 
 

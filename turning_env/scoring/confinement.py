@@ -62,6 +62,7 @@ def limit(memory: int, computing: int) -> tuple[str, ...]:
 
 
 def _limit_resources(memory: int, computing: int) -> bool:
+    """Set the operating system's limits; return whether it took all of them."""
     if resource is None:  # on Windows the parent limits the time alone
         return False
     # Whatever else the parent may have left open.
@@ -80,7 +81,7 @@ def _limit_resources(memory: int, computing: int) -> bool:
     taken = True
     for kind, (soft, hard) in limits.items():
         # A lower limit that the parent has cannot be raised, and need not be.
-        allowed = resource.getrlimit(kind)[1]
+        _, allowed = resource.getrlimit(kind)
         highest = hard if allowed == resource.RLIM_INFINITY else min(hard, allowed)
         try:
             resource.setrlimit(kind, (min(soft, highest), highest))
@@ -122,9 +123,9 @@ _EPERM = 1
 _ARCHITECTURES = {"x86_64": 0xC000003E, "aarch64": 0xC00000B7}  # AUDIT_ARCH_...
 _SECCOMP = {"x86_64": 317, "aarch64": 277}
 
-# What a network's arithmetic, Python and the messages to the parent need: memory, time, locks,
-# random numbers, the end, and the three open descriptors. None of these opens anything or reaches
-# another process.
+# The calls that a network's arithmetic, Python and the messages to the parent need: memory, time,
+# locks, random numbers, the end, and the three open descriptors. None of these opens anything or
+# reaches another process.
 _ALLOWED = {
     "x86_64": {
         "read": 0,
