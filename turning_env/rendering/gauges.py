@@ -35,6 +35,7 @@ _TITLE_SIZE = 13
 _VALUE_SIZE = 17
 
 # The readings, in two columns.
+_PADDING = 6  # above the readings, and above their first row
 _READINGS_HEIGHT = 118
 _ROW_HEIGHT = 22
 _COLUMN_PITCH = 208
@@ -196,7 +197,7 @@ class Gauges:
         self._gauges = _gauges(scenario)
 
     def draw(self, frame: Pixels, history: History) -> None:
-        """Draw all as it is now."""
+        """Draw all gauges, and below them the readings, at the values of the last step."""
         top = self._top
         for gauge in self._gauges:
             put(frame, _picture_of(gauge, history.now), (self._left, top))
@@ -206,7 +207,7 @@ class Gauges:
         for number, reading in enumerate(self._readings(history)):
             row, column = divmod(number, 2)
             x = _COLUMN_PITCH * column
-            y = 6 + _ROW_HEIGHT * row
+            y = _PADDING + _ROW_HEIGHT * row
             write(image, (x, y + 1), reading.name, size=12, colour=QUIET)
             write(
                 image,
@@ -215,7 +216,7 @@ class Gauges:
                 colour=QUIET if reading.is_hidden else INK,
                 anchor="right",
             )
-        put(frame, image, (self._left, top + 6))
+        put(frame, image, (self._left, top + _PADDING))
 
     def _readings(self, history: History) -> list[_Reading]:
         now = history.now

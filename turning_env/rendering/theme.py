@@ -61,6 +61,10 @@ _PIECES = re.compile("([0-9 ])")
 _SPACE = 0.28
 """Space between words over the font size: the font's own is too narrow for small letters."""
 _LINE_HEIGHT = 1.4  # over the font size
+# An entry of a legend: a sample of its colour, its text, and the next entry [pixels].
+_SAMPLE_WIDTH = 16
+_TEXT_INDENT = 20
+_ENTRY_GAP = 14
 _ANCHORS: dict[Anchor, float] = {"left": 0.0, "middle": 0.5, "right": 1.0}
 _face = lru_cache(ImageFont.load_default)
 
@@ -161,17 +165,15 @@ class KeyEntry(NamedTuple):
     height: int  # of the sample of the colour
 
 
-def draw_key(
-    image: Image.Image, place: tuple[int, int], entries: Sequence[KeyEntry], gap: int = 14
-) -> None:
+def draw_key(image: Image.Image, place: tuple[int, int], entries: Sequence[KeyEntry]) -> None:
     """Write a legend in one line: texts, each behind a sample of its colour."""
     x, y = place
     for entry in entries:
         top = y + 8 - entry.height // 2
-        sample = (x, top, x + 15, top + entry.height - 1)
+        sample = (x, top, x + _SAMPLE_WIDTH - 1, top + entry.height - 1)
         ImageDraw.Draw(image).rectangle(sample, fill=entry.colour)
-        write_note(image, (x + 20, y), entry.text)
-        x += 20 + round(length(entry.text, SMALL)) + gap
+        write_note(image, (x + _TEXT_INDENT, y), entry.text)
+        x += _TEXT_INDENT + round(length(entry.text, SMALL)) + _ENTRY_GAP
 
 
 def draw_dot(
