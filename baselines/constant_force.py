@@ -240,7 +240,8 @@ def holds_roughness(scenario: Scenario) -> bool:
     return on_override(scenario, "roughness") and scenario.surface.roughness_rate > 0.0
 
 
-def _plays_by_model(scenario: Scenario) -> bool:
+def holds_roughness_by_feed(scenario: Scenario) -> bool:
+    """Return ``holds_roughness``, for rules whose force must grow with the feed."""
     return holds_roughness(scenario) and scenario.material.thrust_force.feed > 0.0
 
 
@@ -274,14 +275,14 @@ RULES = {
         "the feed of the nominal model for the reference of roughness, without measuring "
         "(to compare with constant_force)",
         ModelFeed,
-        plays=_plays_by_model,
+        plays=holds_roughness_by_feed,
         parameters={},
     ),
     "constant_force_network": Rule(
         "constant_force around a feed that a neural network recommends, within a chip thickness "
         "(roughness control paper)",
         on_program(ConstantForceNetwork),
-        plays=_plays_by_model,
+        plays=holds_roughness_by_feed,
         parameters={
             "chip_thickness_min": 0.05,
             "chip_thickness_max": 0.3,

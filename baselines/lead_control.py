@@ -26,7 +26,7 @@ import math
 
 import numpy as np
 
-from baselines.constant_force import force_of_roughness, holds_roughness
+from baselines.constant_force import force_of_roughness, holds_roughness_by_feed
 from baselines.models.part_program import PartProgram, on_override, on_program
 from baselines.rule import Array, Mask, Range, Rule
 from turning_env import Reading, Scenario, read
@@ -211,10 +211,6 @@ class PowerLead(LeadControl):
         return self._target
 
 
-def _plays_force(scenario: Scenario) -> bool:
-    return holds_roughness(scenario) and scenario.material.thrust_force.feed > 0.0
-
-
 def _plays_power(scenario: Scenario) -> bool:
     return on_override(scenario) and scenario.material.power.feed > 0.0
 
@@ -228,7 +224,7 @@ RULES = {
         "constant_force with an estimate of force per feed and a lead for the lags of servo and "
         "chip (this project)",
         on_program(ForceLead),
-        plays=_plays_force,
+        plays=holds_roughness_by_feed,
         parameters={"estimate_time": TIME, "response_time": TIME, "approach": APPROACH},
         worth_tuning=True,
     ),
