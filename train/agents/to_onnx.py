@@ -184,7 +184,7 @@ def _ports(graph: onnx.GraphProto, metadata: Metadata) -> list[_Port]:
             f"has {len(inputs)} inputs and {len(outputs)} outputs, "
             "but must have an observation and an action, and besides a memory each or none"
         )
-    # Of the memory, the input states its size.
+    # The size of the memory is that of its input.
     memory_size = _size(inputs[1], None) if len(inputs) == 2 else None
     entries = len(metadata.observation_space.low)
     actions = len(metadata.action_space.low)
@@ -401,11 +401,11 @@ def _class_of_model(path: Path) -> _ModelClass:
     """Return the class of a saved model, by a text that its file holds."""
     try:
         with zipfile.ZipFile(path) as archive:
-            data = archive.read("data").decode()
+            description = archive.read("data").decode()
     except (KeyError, ValueError, zipfile.BadZipFile) as error:
         raise ValueError(_no_model()) from error
     for model_class in _MODEL_CLASSES:
-        if f'"{model_class.mark}"' in data:
+        if f'"{model_class.mark}"' in description:
             return model_class
     raise ValueError(_no_model())
 

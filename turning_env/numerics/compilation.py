@@ -90,11 +90,12 @@ def compiled_entry(function: Callable[..., Any]) -> Any:
             return dispatcher(*arguments)
         source = Path(inspect.getfile(function))
         folder = machine_code_folder(source.parent)
-        kept = folder is not None and any(folder.rglob(f"*.{name}-*.nbi"))
-        notice = nullcontext() if kept else _notice(name)
+        is_compiled = folder is not None and any(folder.rglob(f"*.{name}-*.nbi"))
+        notice = nullcontext() if is_compiled else _notice(name)
         # The lock lets one process compile, while the others wait for its code.
         lock = nullcontext() if folder is None else file_lock(folder / f".{name}", wait=True)
         with notice, lock, _no_garbage_collection():
+            # Numba reads the folder for machine code from this setting, once per function.
             cache_dir = config.CACHE_DIR
             try:
                 config.CACHE_DIR = str(folder or cache_dir)
@@ -104,7 +105,7 @@ def compiled_entry(function: Callable[..., Any]) -> Any:
             finally:
                 config.CACHE_DIR = cache_dir
             result = dispatcher(*arguments)
-        # From now on, callers in the function's module need no wrapper.
+        # From now on, callers in the function's module call the compiled function itself.
         if module.get(name) is entry:
             module[name] = dispatcher
         return result

@@ -94,7 +94,7 @@ class Distribution(Section):
         return [name for name in Distribution.model_fields if getattr(self, name) is not None]
 
     @model_validator(mode="after")
-    def _is_one_that_makes_sense(self) -> Self:
+    def _check_numbers(self) -> Self:
         kinds = self._kinds
         if len(kinds) != 1:
             allowed = ", ".join(Distribution.model_fields)
@@ -478,7 +478,7 @@ class Family(Section):
     def draw(self, split: str, chunk: int) -> DrawnJobs:
         """Return the jobs with the numbers from ``CHUNK * chunk`` on.
 
-        ValueError if there is no such split.
+        Raise ValueError if there is no such split.
         """
         if split not in self.splits:
             advice = names_instead(split, self.splits)
@@ -546,7 +546,7 @@ class Family(Section):
 
         true_fields = {}
         for name, value in nominal_fields.items():
-            # What the control knows, and what follows from its plan, is as the control has it.
+            # The control's own settings, and the values that follow from its plan, have no error.
             if always_known(name) or name in self.planned:
                 true_fields[name] = value
             else:
