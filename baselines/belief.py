@@ -147,9 +147,14 @@ class Belief:
         self.filter.assign(env_index, model)
 
     def observe(self, observations: Observations, mask: Mask | None = None) -> Observations:
-        """Learn from observations that begin with the environment's, of a mask or of all.
+        """Learn from observations, and return the entries of the belief.
 
-        Return ``ENTRIES`` of each.
+        Args:
+            observations: shape (num_envs, entries); the first entries are the environment's own.
+            mask: environments that learn, shape (num_envs,); None: all.
+
+        Returns:
+            ``ENTRIES`` of every environment, float32, shape (num_envs, len(ENTRIES)).
         """
         believed = self.filter
         scenario = self.scenario

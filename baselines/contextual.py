@@ -29,7 +29,7 @@ Numbers = Sequence[Mapping[str, float]]
 
 
 def slope_name(number: str) -> str:
-    """Return the name of the slope of the speed over a number of the catalogue."""
+    """Return the name of the parameter that is the slope of log speed over a catalogue's number."""
     return f"{SPEED}_{number}"
 
 

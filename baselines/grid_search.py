@@ -119,7 +119,11 @@ def highest_feed(parameters, speed, feeds, used_life, start, end, limits):
 
 @compiled
 def best_pair(parameters, speeds, feeds, used_life, start, end, limits):
-    """Return the feasible ``Pair`` with the highest removal rate; of equals, the slowest."""
+    """Return the feasible ``Pair`` with the highest removal rate; of equals, the slowest.
+
+    The grid has ``speeds`` [m/min] and ``feeds`` [mm/rev], both ascending. ``used_life`` [-] is
+    that at the cutting time ``start`` [min]; the ``limits`` hold at ``end`` [min].
+    """
     best = Pair(-1, -1)
     best_rate = 0.0
     for index in range(len(speeds)):

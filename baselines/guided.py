@@ -145,7 +145,7 @@ class GuidedRule(SelfTuning):
         return actions
 
     def _observe(self, reading: Reading) -> None:
-        """Leave it to ``features``."""
+        """Do nothing: ``features`` observes."""
 
     def _remember(self, reading: Reading) -> None:
         """Bring the history up to date."""

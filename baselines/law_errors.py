@@ -75,7 +75,10 @@ def _wear_error(jobs: DrawnJobs, name: str) -> Any:
 
 
 def _log_error(jobs: DrawnJobs, law: str) -> Any:
-    """Return the log ratio of a law's true and nominal responses, at the place described above."""
+    """Return the log ratio of a law's true and nominal responses.
+
+    The module's description names the speed, feed, depth and wear at which it is taken.
+    """
     control = jobs.true.control
     depth = jobs.true.workpiece.depth_of_cut
     criterion = jobs.true.tool.wear_criterion
@@ -97,7 +100,7 @@ def _log_error(jobs: DrawnJobs, law: str) -> Any:
 
 @exits(ScenarioError)
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Write the file; return the exit status."""
+    """Write ``law_errors.json``; return the exit status."""
     parser = Parser(prog="python -m baselines.law_errors", **described(__doc__))
     parser.add_argument("family", help="family, or its TOML file")
     parsed = parser.parse_args(arguments)
@@ -114,6 +117,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "mean": mean.round(DIGITS).tolist(),
         "covariance": covariance.round(DIGITS).tolist(),
     }
+    # One row of the covariance in a line.
     text = json.dumps(values).replace("], [", "],\n[") + "\n"
     replace_file(FILE, lambda path: path.write_text(text, "utf-8"))
     return 0

@@ -133,7 +133,7 @@ class LearnedPower(Policy):
         self._target_power = target * program.scenario.limits.power
         self._share = lag_share(interval, 1.0 / gain)
         self._wear_share = lag_share(interval, WEAR_TIME)
-        # Of each edge.
+        # One number for the edge of each environment.
         self._cutting_time = np.zeros(num_envs)  # at the last step [min]
         self._power_sum = np.zeros(num_envs)  # of the powers while it learns [kW]
         self._power_count = np.zeros(num_envs)

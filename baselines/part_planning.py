@@ -179,6 +179,7 @@ def _fixed(
 
 
 def _ruled(rule: str, corrected: bool) -> Rule:
+    """Return the catalogue's entry of ``RuledParts`` with a rule of ``two_limits``."""
     name = "the economic optimum" if rule == ECONOMIC_OPTIMUM else f"[{rule}]"
     path = "made for the measured size" if corrected else "as drawn"
     kind = "adaptive part programming" if corrected else "fixed rule"

@@ -95,7 +95,7 @@ def match_on_task(env_id: str, seed: int) -> Match:
 def match_on_family(name: str, seed: int) -> Match:
     """Return the match on the training job of a seed, against ``FAMILY_RULE``.
 
-    The rule is built from the job's nominal model, whose numbers the observation then hides.
+    The rule is built from the job's nominal model, so the observation need not show its numbers.
     """
     family = Family.load(name)
     job = family.job(seed)

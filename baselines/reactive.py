@@ -9,8 +9,8 @@ It knows no form beside the laws, but changes its limits by what the observation
 * After another edge, it raises the highest speed a little.
 * After stops for tangled chips, it moves the window of feeds (``models/chip_window.py``).
 
-Two rules of the catalogue play it, where stops for tangled chips are counted. Of ``chip_window``,
-only the window of feeds reacts. ``reactive`` also reacts to its edges, with the numbers that were
+Two rules of the catalogue play it, where stops for tangled chips are counted. ``chip_window``
+moves the window of feeds alone. ``reactive`` also reacts to its edges, with the numbers that were
 best on the family ``unmodelled2``.
 
 Uses from the nominal model what ``self_tuning`` uses, and the chip breaker's window of feeds.

@@ -140,6 +140,7 @@ def _always(scenario: Scenario) -> bool:
 
 
 def _wait_then_play(scenarios: Sequence[Scenario], num_envs: int) -> FirstThen:
+    """Return a policy that idles for half of an episode, then plays plain parameters."""
     first = scenarios[0]
     idle = extreme(first, -1.0)
     policy: Policy

@@ -30,6 +30,6 @@ def warm_up() -> None:
         oracle.tell(infos)
         envs.step(oracle.act(observations))
         envs.close()
-    # Of a policy that a picture shows, or that reads its own action.
+    # For pictures of a policy, and for policies that read their own action.
     ones = np.ones(1)
     commanded(np.zeros((1, 2), np.float32), cutting_speed=ones, feed=ones, scenario=scenario)

@@ -102,6 +102,7 @@ def family_task(source: str | Path | Family, split: str | None, count: int) -> T
             f"{count} seeds asked for, but the split {split!r} of family {family.name!r} has "
             f"{num_jobs} jobs"
         )
+    # One allowance decides on feasibility, and a family's may differ from that of its base.
     limits = {"overload_allowance": family.job(0).scenario.limits.overload_allowance}
     shared_values = {"base": family.base, "name": f"{family.name}-{split}", "limits": limits}
     identity = ScenarioId(name=family.name, digest=family.digest())
@@ -158,7 +159,8 @@ def extra_names(family: Family) -> list[str]:
 def rule(name: str, task: Task, knows: Knowledge = "nominal", forgets: bool = False) -> PolicySpec:
     """Return a controller, tuned on the family or its base, or the oracle, as it plays a family.
 
-    Raise ValueError if it cannot play, or does not come in this variant.
+    ``knows`` and ``forgets`` name a variant: see ``PolicySpec``. Raise ValueError if the policy
+    cannot play, or does not come in this variant.
     """
     family = family_of(task)
     job = family.job(0)
@@ -281,6 +283,7 @@ class FamilyPlay:
         return lambda num_envs: Forgetful(make(num_envs))
 
     def _make(self, jobs: Sequence[Job]) -> PolicyFactory:
+        """Return the factory of the policy without ``forgets``."""
         scenarios = [job.scenario for job in jobs]
         if isinstance(self.policy, PolicySpec):
             return informed(self.policy, scenarios)

@@ -93,6 +93,7 @@ def _best_of(classes: Sequence[str], standings: Sequence[Standing]) -> str | Non
 
 
 def _draw_ranking(axes: Axes, leaderboard: Leaderboard) -> None:
+    """Draw the policies of ``PLAIN_NAMES`` or, unless all of them have played, the first ones."""
     known = [standing for standing in leaderboard.standings if standing.name in PLAIN_NAMES]
     standings = known if len(known) == len(PLAIN_NAMES) else leaderboard.standings
     standings = sorted(standings[:MAX_POLICIES], key=lambda standing: -standing.mean_return.value)

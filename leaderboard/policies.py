@@ -281,7 +281,17 @@ def agents(
 
 
 def _under_own_name(spec: PolicySpec, path: Path, given: str | None, keep: bool) -> PolicySpec:
-    """Return an agent under its name on the leaderboard; ValueError if it cannot have one."""
+    """Return an agent under its name on the leaderboard.
+
+    Args:
+        spec: the agent.
+        path: its file or its folder.
+        given: name that the user gives; None: that of the file or the training.
+        keep: see ``agents``.
+
+    Raises:
+        ValueError: it cannot have this name.
+    """
     if not is_own(spec):
         return spec
     if (path / RUN_FILE).exists():  # a training of one's own, which has named itself
@@ -399,8 +409,8 @@ def own_policy(source: str, task: Task, name: str | None = None) -> PolicySpec:
     """Return a policy of one's own code, ``module:object``.
 
     See ``turning_env.scoring.adapt.as_factory``. It ranks among the agents, without a digest, as
-    versions of the code cannot be distinguished. Without a ``name`` it has the object's. Raise
-    ResultError if there is no such policy, or another has its name.
+    versions of the code cannot be distinguished. Without a ``name``, it has the object's. Raise
+    ResultError if there is no such policy, or another policy has its name.
     """
     context_size = len(family.family_of(task).context_names) if task.of_family else 0
     space: Any = observation_space(task.scenario, context_size)
@@ -410,12 +420,12 @@ def own_policy(source: str, task: Task, name: str | None = None) -> PolicySpec:
         return as_factory(source, space=space)(num_envs)
 
     try:
-        as_factory(source, space=space)
+        as_factory(source, space=space)  # refuses now what could not be played later
         spec = PolicySpec(
             name=_own_name(source, re.split("[:.]", source)[-1], name),
             kind="agent",
             description="a policy of your own",
-            training_seed=0,
+            training_seed=0,  # every agent has one; that of this code is unknown
             command=source,
             tuned_for=ScenarioId.of(task.scenario),
             make=make,

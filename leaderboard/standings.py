@@ -65,7 +65,7 @@ class Standing:
     severe_share: float  # of cutting time
     severe_lower_limit: float  # one-sided lower confidence limit of severe_share
     severe_limit: float  # one-sided upper confidence limit of severe_share
-    # Of the other rules, the feasible one with the highest mean return, or the best if none is.
+    # The feasible rule with the highest mean return among the others; the best if none is feasible.
     best_rule: str | None
     over_best_rule: Estimate | None  # [s]
     over_causal: Estimate | None  # [s]
@@ -115,8 +115,8 @@ def ranked_by(scenario: Scenario) -> str:
 def rank(results: Sequence[Result]) -> list[Standing]:
     """Return the standings of all policies of one task, given at least one result.
 
-    Feasible policies come first, in the order of ``ranked_by``. Those without a rank come last,
-    and of these the oracles.
+    Feasible policies come first, in the order of ``ranked_by``. Policies without a rank follow the
+    infeasible ones; oracles come last.
     """
     names = names_of([result.policy for result in results])
     results_by_name: dict[str, list[Result]] = {}

@@ -135,9 +135,10 @@ def policy(name: str, task: Task) -> PolicySpec:
 
 
 def steps(shows: Sequence[Show], max_steps: int | None, every: int) -> Iterator[int]:
-    """Play until all have ended, or the steps are done.
+    """Play until all episodes have ended, or ``max_steps`` steps have been played.
 
-    Yield the number of steps at the start, at even distances, and at the end.
+    Yield the number of steps played: 0 at the start, then after every ``every`` steps, and at the
+    end.
     """
     yield 0
     done = 0

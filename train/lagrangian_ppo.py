@@ -126,7 +126,7 @@ DEFAULTS: dict[str, Any] = {
     "initial_multiplier": 1.0,  # [s] per second of severe overload
     # Growth of its logarithm per rollout and excess share of severe overload.
     "multiplier_rate": 2.0,
-    # Of limits.overload_allowance: exploration overloads more than the finished agent.
+    # Target over limits.overload_allowance: the finished agent overloads less than exploration.
     "share_of_allowance": 0.9,
 }
 

@@ -1,4 +1,4 @@
-"""Training rewards that charge the life of an edge otherwise than the environment does."""
+"""Training rewards that charge edge life at another price than the environment's flat one."""
 
 from typing import Any
 

@@ -337,8 +337,9 @@ class _Drive:
     def follow(self, commanded: Tensor, actual: Tensor) -> Tensor:
         """Return the actual values at the points of steps, shape (steps, num_envs, POINTS).
 
-        ``actual`` is measured at the starts of the steps. The gradient passes from step to step,
-        because a lagging drive carries a command beyond its own step.
+        ``commanded`` holds the commands of the steps, ``actual`` the values measured at their
+        starts, both of shape (steps, num_envs). The gradient passes from step to step, because a
+        lagging drive carries a command beyond its own step.
         """
         carried = torch.zeros_like(actual[0])
         values = []
@@ -367,6 +368,7 @@ class _Law:
         log_wear: Any,
         log_hardness: Tensor,
     ) -> Tensor:
+        """Return log(response / limit), of the shape to which the arguments broadcast."""
         growth = self._law.wear_growth
         # U = W, or 1 + b W (``turning_env/numerics/wear_term.py``).
         term = (1.0 + growth * log_wear.exp()).log() if growth > 0.0 else log_wear

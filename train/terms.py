@@ -10,9 +10,8 @@ The same hyperparameters mean the same for every algorithm that has them:
     asymmetric = true        # PPO's critic sees the hidden state, its actor does not
 
 Position and earlier observations are part of the trained agent and of its file
-(``train/agent_inputs.py``). Who plays an agent with a belief computes the belief for it, from
-nominal models and observations (``train.agents.agent_file.informed``). ``train/life_price.py``
-changes the rewards.
+(``train/agent_inputs.py``). The belief is not: in play, ``train.agents.agent_file.informed``
+computes it from nominal models and observations. ``train/life_price.py`` changes the rewards.
 """
 
 from collections.abc import Callable

@@ -170,11 +170,15 @@ class Recorder(BaseCallback):
         self.bar.close()
 
     def _add_row(self, min_steps: float) -> None:
-        """Add a row to the learning curve, if it is that many steps after the last one."""
+        """Show the mean return, and add a row to the learning curve.
+
+        Rows are at least ``min_steps`` environment steps apart.
+        """
         if not self.model.ep_info_buffer:
             return
         returns = [episode["r"] for episode in self.model.ep_info_buffer]
         mean_return = float(np.mean(returns))
+        # As many decimals as tables show without an interval.
         decimals = Estimate(mean_return, low=mean_return, high=mean_return).decimals()
         shown = f"return per episode {mean_return:.{decimals}f} s"
         self.bar.set_postfix_str(shown, refresh=False)

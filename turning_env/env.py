@@ -58,7 +58,7 @@ class BaseEnv:
     """Base of the single and the vector environment: a batch, its specification and its viewer."""
 
     _spec: EnvSpec | None = None
-    # Of turning_env.rendering, whose libraries are optional.
+    # A ``turning_env.rendering.viewer.Viewer``, whose libraries are optional.
     _viewer: Any = None
 
     def _set_up(self, batch: Batch, render_mode: str | None, rendered_envs: int) -> None:

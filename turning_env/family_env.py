@@ -38,7 +38,8 @@ def vector_env(
 ) -> RoughTurningVectorEnv:
     """Return a batch of a scenario's environments, or of a family's training jobs.
 
-    The source is a scenario or a ``Family``, or the name of either.
+    The source is a scenario or a ``Family``, or the name of either. Raise ScenarioError if it names
+    neither.
     """
     if isinstance(source, Family) or (isinstance(source, str) and source in families()):
         return FamilyVectorEnv(num_envs, source, autoreset_mode=autoreset_mode)

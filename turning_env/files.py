@@ -99,7 +99,7 @@ def _locked(lock_file: Path, locked: Path, wait: bool) -> Iterator[None]:
     try:
         yield
     finally:
-        # Who waits opens the file anew at each attempt, and does not accept one that was removed.
+        # A waiting process opens the file again at each attempt, and accepts no removed file.
         # Windows refuses to remove an open file; there, filelock removes it.
         with suppress(OSError):
             lock_file.unlink(missing_ok=True)

@@ -1,6 +1,6 @@
 """Wrappers that give observations by name, as dictionaries.
 
-A network sees the same numbers; a reader of code sees which. They also let Gymnasium's
+A network sees the same numbers, and code can name them. The wrappers also let Gymnasium's
 ``FilterObservation`` hide entries, and learners treat the parts of an observation apart.
 """
 
@@ -22,7 +22,7 @@ Named = dict[str, NDArray[np.float32]]
 def _places(env: Any, space: spaces.Space[Any]) -> dict[str, slice]:
     """Return the place of each named part of the observations of an environment.
 
-    ValueError if a wrapper has changed the observations.
+    Raise ValueError if a wrapper has changed the observations.
     """
     names = layout(env.unwrapped.scenario)
     plain = getattr(env.unwrapped, "single_observation_space", env.unwrapped.observation_space)

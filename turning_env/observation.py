@@ -70,6 +70,7 @@ def observe(state, work, first, last, p):
     """
     for i in env_range(first, last):
         observe_process(state, work, i, p)
+    # Two loops: with a branch in one loop, it is not vectorised.
     if p.fresh_edges_load:
         for i in env_range(first, last):
             compare_with_nominal_model(state, work, i, p, loads_with_fresh_share)
@@ -288,7 +289,7 @@ def _ratio(deviation: Array) -> Array:
 def _speed_over_feed(speed: Any, feed: Any) -> Array:
     """Return a speed and a feed as rows, shape (2, 1), or (2, scenarios) if they are arrays."""
     if isinstance(speed, float) and isinstance(feed, float):
-        # Of one scenario, at every step of its rules: a fifth of the time of broadcasting.
+        # Rules of one scenario do this at every step: it takes a fifth of the time of broadcasting.
         return np.array([[speed], [feed]])
     return np.reshape(np.broadcast_arrays(speed, feed), (2, -1))
 

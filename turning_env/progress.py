@@ -1,4 +1,4 @@
-"""The progress of a long command on stderr: a bar in a terminal, otherwise a line now and then.
+"""The progress of a long command on stderr: a bar in a terminal, otherwise a line at times.
 
 It needs tqdm, which comes with a clone's programs (``make setup``) and the shop.
 """

@@ -23,7 +23,7 @@ chips to break (assumption)."""
 
 
 class ChipWindow:
-    """Weights of the shifts in many environments.
+    """A belief about the window's shift in many environments: a weight for each of ``SHIFTS``.
 
     Args:
         scenario: nominal models side by side, or one for all.
@@ -73,7 +73,10 @@ class ChipWindow:
         return np.asarray(SHIFTS[self.log_weights.argmax(axis=1)])
 
     def feed_range(self) -> tuple[Array, Array]:
-        """Return the lowest and the highest feed by the most probable shift [mm/rev]."""
+        """Return the lowest and the highest feed by the most probable shift [mm/rev].
+
+        Both have shape (num_envs,) and lie in the machine's range.
+        """
         factor = np.exp(self.shift)
         machine = self._scenario.machine
         low = np.clip(self._low * factor, machine.feed_min, machine.feed_max)

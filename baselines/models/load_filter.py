@@ -389,8 +389,8 @@ def numbers_of(scenario: Scenario, errors: bool) -> dict[str, Any]:
         "wear_time": wear.time,  # exponent of time in the law of wear
         # 1 if the idling spindle's power is told from that of the cut, else 0.
         "separates_idle": float(errors),
-        # Of force [N] and power [kW]: logarithm at 1 m/min, 1 mm/rev and a wear term of 1;
-        # exponents. The wear term is 1 at 1 mm or, with a growth, of a fresh edge.
+        # Laws of force [N] and power [kW]: logarithm at 1 m/min, 1 mm/rev and a wear term of 1;
+        # exponents. The wear term is 1 at 1 mm or, with a growth, for a fresh edge.
         "log_coefficients": [
             log(law(1.0, 1.0, work.depth_of_cut, wear=float(law.wear_growth == 0.0)))
             for law in laws
@@ -405,7 +405,7 @@ def numbers_of(scenario: Scenario, errors: bool) -> dict[str, Any]:
         "reference_log_speed": log(control.initial_cutting_speed),
         "reference_log_feed": log(control.initial_feed),
         "reference_log_wear": log(0.5 * tool.wear_criterion),
-        # Of the sensors of force and power: time constants [s] and variances of the log readings.
+        # Sensors of force and power: time constants [s] and variances of the log readings.
         "lags": [sensors.force_time_constant, sensors.power_time_constant],
         "noise": noise + np.square(MISFIT) if errors else noise,
         "interval": control.interval,  # [s]

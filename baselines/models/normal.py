@@ -10,10 +10,10 @@ _DENSITY = 1.0 / math.sqrt(2.0 * math.pi)
 
 
 class Probability(NamedTuple):
-    """The probability that a normal number is below a bound, and its slope by the bound."""
+    """The probability that a standard normal number is below a bound, and its slope."""
 
     below: float
-    density: float
+    density: float  # derivative of ``below`` by the bound
 
 
 class Excess(NamedTuple):
@@ -49,7 +49,11 @@ def probability(x):
 
 @compiled
 def excess(log_mean, spread):
-    """Return the expectation of max(X - 1, 0), where log X is normal, and its derivatives."""
+    """Return the expectation of max(X - 1, 0), where log X is normal, as an ``Excess``.
+
+    ``log_mean`` and ``spread`` are the mean and the standard deviation of log X; the derivatives
+    are those by ``log_mean``.
+    """
     # Black and Scholes 1973, with m = log_mean, s = spread and the normal distribution Phi:
     #     E max(X - 1, 0) = exp(m + s^2 / 2) Phi(m / s + s) - Phi(m / s)
     # The slope is the first term. The tails share one density, because
@@ -57,6 +61,7 @@ def excess(log_mean, spread):
     ratio = log_mean / spread
     beyond = ratio + spread
     density = exp(-0.5 * (ratio * ratio))
+    # ``tail`` gives the smaller of two probabilities; the other is 1 less it.
     below = density * tail(abs(ratio))
     if ratio > 0.0:
         below = 1.0 - below

@@ -36,7 +36,10 @@ MAX_LIFE = 1e6
 
 @dataclass(frozen=True)
 class Line:
-    """The line on which a limit is reached: cutting_speed log V + feed log S = room."""
+    """The line on which a limit is reached: cutting_speed log V + feed log S = room.
+
+    ``cutting_speed`` and ``feed`` are exponents [-], V is in m/min and S in mm/rev.
+    """
 
     cutting_speed: float
     feed: float
@@ -223,17 +226,17 @@ class Process:
         return np.asarray(minutes - log_cutting_speed - log_feed - log(depth_of_cut))
 
     def economic_life(self, limit: Limit) -> float:
-        """Return T_0 along a limit [min].
+        """Return the economic life T_0 along a limit [min], by the module's formula.
 
-        If the formula gives no life, the optimum is where another limit ends this one: the life is
-        0 if the cost falls with rising removal rate all along the limit, infinite if it falls with
-        rising life.
+        If the formula gives no positive life, the optimum is where another limit ends this one: the
+        life is 0 if the cost falls with rising removal rate all along the limit, infinite if it
+        falls with rising life.
         """
         alpha = limit.law.cutting_speed
         beta = limit.law.feed
         exponents = self.life_exponents
         if abs(alpha - beta) <= ALIKE:
-            return math.inf  # the removal rate is the same all along
+            return math.inf  # the removal rate is the same all along the limit
         # Relative growth of wear over that of the removal rate.
         growth = (alpha * exponents.nu - beta * exponents.mu) / (alpha - beta)
         if growth < 0:
@@ -241,7 +244,7 @@ class Process:
         return self.edge_price * max(growth - 1.0, 0.0)
 
     def life_limit(self, limit: Limit) -> Limit:
-        """Return the limit of wear for the economic life along a limit."""
+        """Return the limit of wear that an edge reaches after the economic life along a limit."""
         life = min(max(self.economic_life(limit), MIN_LIFE), MAX_LIFE)
         return Limit(self.wear, self.wear_criterion, time=life)
 

@@ -44,10 +44,11 @@ GRID = Grid()
 
 
 def covers(scenario: Scenario) -> bool:
-    """Return whether the bound holds for a scenario.
+    """Return whether the clairvoyant bound holds for a scenario.
 
-    It needs one edge, a reward for removal, actions per step, wear by equivalent time, a constant
-    power limit, and a row of bars or an ignored time limit.
+    It needs one edge, a reward for removal, actions that do not plan a whole part, wear by
+    equivalent time, a constant power limit, and either a row of bars or a time limit of at least
+    ``MIN_TIME_LIMIT``, which the bound ignores.
     """
     control = scenario.control
     conditions = (

@@ -54,7 +54,7 @@ MIN_WEAR = 1e-3  # flank wear over the criterion in place of 0, before the first
 
 
 class Lags(NamedTuple):
-    """How feed and load follow in a sub-step."""
+    """The lags of feed and load, by sub-steps."""
 
     servo_share: float  # share of the distance to the commanded feed [-]
     chip_share: float  # share of the distance to the load of a settled chip [-]
@@ -99,7 +99,7 @@ class PerfectLoad(Policy):
         )
         self._lags = _lags(scenario, self._program.cutting_speed)
         self._truth: Mapping[str, Any] = {}
-        # Of the step before; NaN in air.
+        # Values in the previous step; NaN in air.
         self._log_depth = np.full(num_envs, np.nan)
         self._log_hardness = np.full(num_envs, np.nan)
         self._path = np.full(num_envs, np.nan)
@@ -191,9 +191,10 @@ def _lags(scenario: Scenario, cutting_speed: float) -> Lags:
 
 @compiled_entry
 def quickest_feeds(commands, cutting, cut, lags, feeds):  # type: ignore[no-untyped-def]
-    """Set the commanded feeds [mm/rev] where an edge cuts, by halving the range of feeds.
+    """Set the feeds to command [mm/rev] where an edge cuts: the quickest without an overshoot.
 
-    ``commands`` and ``cutting`` have shape (num_envs,).
+    They are found by halving the range of feeds. ``commands`` and ``cutting`` have shape
+    (num_envs,).
     """
     for i in range(len(commands)):
         if not cutting[i]:

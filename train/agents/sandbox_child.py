@@ -1,8 +1,8 @@
 """The process that checks and runs a network that enters a leaderboard.
 
 Its parent is ``onnx_policy.py``. The process checks the file before anything runs it, and the
-network's actions while it plays. ``turning_env/scoring/sandbox_child.py`` has all else of such a
-process: how it confines itself, and how it talks.
+network's actions while it plays. ``turning_env/scoring/sandbox_child.py`` confines the process and
+exchanges its messages.
 """
 
 from typing import Any

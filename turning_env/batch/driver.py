@@ -136,12 +136,12 @@ def step_blocks(states, parameters, scratches, actions, observations, table):
         state = states[b]
         p = parameters[b % parameters.shape[0]]
         start = b * WIDTH
-        # Without a sign, as the numbers of environments.
+        # Without a sign: see ``compilation.ONE_ENV``.
         count = np.uint64(min(WIDTH, actions.shape[0] - start))
         for i in range(count):
             work.ended_before[i] = state.ended[i]
-        # Ended environments run, too, because a loop over all of a block is quicker than one with
-        # branches. What they did is overwritten.
+        # Ended environments run, too, because a loop over a whole block is quicker than one with
+        # branches. Their results are overwritten.
         block_actions = actions[start : start + WIDTH]
         run_step(state, work, report, block_actions, count, p)
         for i in range(count):
@@ -180,7 +180,7 @@ class Jobs:
         self.scenario: Scenario = family.job(0, split).scenario
         self.context_names = family.context_names if shows_context else ()
         self.parameters = parameter_records(self.scenario)
-        # Of the forms of a law, the first job may have another than those that follow.
+        # The first job may lack a fresh edge's share of the load that later jobs have.
         first = family.draw(split, 0)
         drawn = parameter_records(first.true, CHUNK, nominal=first.nominal)
         self.parameters["fresh_edges_load"] = drawn["fresh_edges_load"][0]
@@ -201,6 +201,10 @@ class Jobs:
         return JobValues(numbers=values.numbers[row], context=values.context[row])
 
     def _draw(self, chunk: int) -> JobValues:
+        """Return the values of a chunk of jobs.
+
+        Raise ValueError if jobs differ in a parameter of ``SHARED_PARAMETERS``.
+        """
         draw = self.family.draw(self.split, chunk)
         records = parameter_records(draw.true, CHUNK, nominal=draw.nominal)
         for name in SHARED_PARAMETERS:
@@ -390,8 +394,8 @@ class Batch:
     def step(self, actions: Any) -> None:
         """Run one step in every environment, or start the next episode if one has ended.
 
-        ValueError if the actions are not finite numbers of shape (num_envs, action size); then no
-        environment has moved.
+        Raise ValueError if the actions are not finite numbers of shape (num_envs, action size).
+        Then no environment has moved.
         """
         try:
             given = np.asarray(actions)

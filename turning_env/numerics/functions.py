@@ -66,7 +66,7 @@ def _where_compiled(condition, x, y):
 @compiled
 def _exp_parts(x):
     """Return (a, b) with exp(x) = (1 + a) b, where b is a power of 2; x is within -708..708."""
-    # x = whole * log 2 + r, where r is at most half of log 2.
+    # x = whole * log 2 + r, where r is at most half of log 2. Adding ``_ROUNDING`` rounds.
     rounded = x * _PER_LOG_2 + _ROUNDING
     whole = rounded - _ROUNDING
     r = (x - whole * _LOG_2_HIGH) - whole * _LOG_2_LOW
@@ -105,6 +105,7 @@ def _compiled_for_arrays(kernel: _Kernel) -> Callable[[Callable[..., Any]], Any]
                 return values
             return function(x)
 
+        # Compiled callers get the function itself, for one number, in place of ``call``.
         overload(call, jit_options=COMPILED, strict=False)(lambda x: function)
         return call
 
@@ -185,7 +186,7 @@ def hypotenuse(x, y):
 
 @compiled
 def sine_and_cosine(turns):
-    """Return the sine and cosine of an angle in whole turns, 0 or more: of 2 pi times ``turns``."""
+    """Return the sine and cosine of an angle in turns, 0 or more: of 2 pi times ``turns``."""
     # turns = quarter / 4 + f, where f is at most an eighth of a turn and quarter is 0, 1, 2 or 3.
     quarter = np.floor(4.0 * turns + 0.5)
     f = turns - 0.25 * quarter

@@ -29,7 +29,7 @@ JOB_CHANNEL = np.uint64(9)
 def named_channel(name: str) -> np.uint64:
     """Return the channel of a use, by a name that no other use has: the CRC-32 of the name.
 
-    COOLANT_CHANNEL = named_channel("coolant")
+    For example: ``COOLANT_CHANNEL = named_channel("coolant")``.
     """
     return np.uint64(zlib.crc32(name.encode()))
 

@@ -1,7 +1,7 @@
 """The table of parameters: all that the transition reads of a scenario, each declared once.
 
-Most parameters are fields of the scenario, the others follow from them. Of a batch of scenarios,
-values are arrays. ``records.py`` puts them into records.
+Most parameters are fields of the scenario, the others follow from them. The values of a batch of
+scenarios are arrays. ``records.py`` puts them into records.
 """
 
 from collections.abc import Callable, Iterable

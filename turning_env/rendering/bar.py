@@ -1,4 +1,4 @@
-"""The bar in section with the tool at work on it."""
+"""The view of the bar: a section along its axis, with the tool at work on it."""
 
 import math
 from typing import NamedTuple

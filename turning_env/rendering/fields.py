@@ -31,7 +31,7 @@ def read_fields(  # type: ignore[no-untyped-def]  # noqa: PLR0913 - compiled, so
         for i in range(count):
             state.seed[i] = seed
             state.episode[i] = episode
-            # Another bar than any, so that the nodes of this one are drawn.
+            # No bar has this number, so the nodes of the wanted bar are drawn.
             state.bar[i] = -1.0
             # The whole blank, as before its first pass.
             state.pass_ceiling[i] = np.inf
@@ -106,5 +106,5 @@ class Fields:
 
 
 def warm_up() -> None:
-    """Compile everything here."""
+    """Compile the functions of this module."""
     Fields(Scenario()).along((0, 0), 0, np.zeros(1))

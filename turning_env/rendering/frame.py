@@ -1,4 +1,4 @@
-"""Frames: their cards with a fixed background and moving parts."""
+"""The whole picture of an environment: cards with a fixed background and moving parts."""
 
 import numpy as np
 from PIL import Image, ImageDraw
@@ -44,7 +44,7 @@ class Frame:
         self._chart = LoadChart(scenario)
         self._gauges = Gauges(scenario, _GAUGES)
         self._map = OperatingMap(scenario, _MAP)
-        # What never changes is drawn once, into the array in which the views redraw their parts.
+        # Fixed parts are drawn once, into the array in which the views redraw the moving ones.
         background = Image.new("RGB", (WIDTH, HEIGHT), PAPER)
         for box in (_BAR, _GAUGES, _MAP):
             ImageDraw.Draw(background).rounded_rectangle(

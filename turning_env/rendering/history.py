@@ -100,6 +100,7 @@ class History:
             self.samples.append(self._part_sample())
 
     def _step_sample(self, steps: int) -> Sample:
+        """Return the present state as a sample, after a number of steps; note the metal cut."""
         now = self.now
         limits = self.scenario.limits
         speed = now["cutting_speed"]
@@ -120,6 +121,7 @@ class History:
         )
 
     def _part_sample(self) -> Sample:
+        """Return the last part as a sample."""
         now = self.now
         limits = self.scenario.limits
         return Sample(

@@ -130,6 +130,7 @@ class _Reader:
     def _apply(
         self, function: Callable[..., Any], arguments: list[ast.expr], node: ast.AST, depth: int
     ) -> Any:
+        """Return the value of a function; ``node`` is its call, ``depth`` levels below the top."""
         values = []
         for argument in arguments:
             value = self.value(argument, depth + 1)

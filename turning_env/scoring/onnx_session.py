@@ -27,7 +27,7 @@ class OnnxPolicy:
     def act(self, observations: Floats) -> Floats:
         """Return actions, shape (num_envs, actions), for observations, shape (num_envs, entries).
 
-        Both are float32. ValueError if the network cannot act.
+        Both are float32. Raise ValueError if the network cannot act.
         """
         actions, self.memory = self.run(observations, self.memory)
         return actions

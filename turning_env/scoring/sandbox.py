@@ -1,9 +1,9 @@
 """Play a network from an ONNX file, which may come from anywhere, in a process of its own.
 
-from pathlib import Path
-from turning_env.scoring.sandbox import load
+    from pathlib import Path
+    from turning_env.scoring.sandbox import load
 
-policy = load(Path("my_agent.onnx"))(1)
+    policy = load(Path("my_agent.onnx"))(1)
 
 This side sends observations, receives and checks actions, and limits how long it waits. It never
 looks into the file itself: ``sandbox_child.py`` is the process that does, and ``confinement.py``
@@ -83,9 +83,17 @@ class AgentTimeoutError(AgentFileError):
 
 
 class Sandbox:
-    """A process that checks a file's content and plays it; AgentFileError says why it cannot.
+    """A process that checks a file's content and plays it.
 
     What it sends is not trusted. It ends when this object is garbage-collected.
+
+    Args:
+        content: content of the file.
+        limits: limits of the process.
+        program: Python source that the process runs; None: that of ``program()``.
+
+    Raises:
+        AgentFileError: the file is refused, or the process breaks a limit.
     """
 
     entries: int = ANY  # of an observation
@@ -103,6 +111,7 @@ class Sandbox:
             self.send(child.CONTENT, content)
             outline = _OUTLINE.validate_json(self.answer(_MAX_OUTLINE, starting=True), strict=True)
             self.accept(content, outline)
+            # The second answer is empty. It says that the network is ready to play.
             self.answer(0)
         except ValidationError as error:
             self.close()
@@ -148,7 +157,7 @@ class Sandbox:
             raise self._end_reason() from error
 
     def answer(self, max_bytes: int, starting: bool = False) -> bytes:
-        """Return its answer, or raise AgentFileError if it is late, too long or an error.
+        """Return the next answer, or raise AgentFileError if it is late, too long or an error.
 
         ``starting`` allows the time of a start, in which the process also says how it is confined.
         """
@@ -300,16 +309,16 @@ class PolicyMaker:
 
 
 def load(path: Path, limits: Limits = LIMITS) -> PolicyFactory:
-    """Return a function that makes the policies of any network that is one.
+    """Check a network's file, and return a function that makes policies of it.
 
     The file may come from anywhere: it can run no code, and each play has limits. It must hold its
     weights, as its process can open no other file.
 
     Raises:
-        FileNotFoundError: if there is no such file.
-        ModuleNotFoundError: without onnxruntime.
-        AgentTimeoutError: an AgentFileError, if the network gives no answer in time.
-        AgentFileError: says why the file is refused.
+        FileNotFoundError: there is no such file.
+        ModuleNotFoundError: onnxruntime is not installed.
+        AgentTimeoutError: the network gives no answer in time; this is an AgentFileError.
+        AgentFileError: the file is refused; the message says why.
     """
     if not path.is_file():
         raise FileNotFoundError(ENOENT, "no such file", str(path))

@@ -24,7 +24,7 @@ ADVICE = (
 def normalisation(model: Any) -> Any:
     """Return the ``VecNormalize`` whose statistics a model needs; None if it needs none.
 
-    ValueError if the statistics are not there, or another wrapper of the training's environment
+    Raise ValueError if the statistics are missing, or another wrapper of the training's environment
     changes observations. The policy of a model does not say how it was trained: a notice asks for
     the model.
     """

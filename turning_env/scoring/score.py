@@ -209,6 +209,7 @@ class Score:
         return sum(_key(policy) < key for policy in ranked)
 
     def _line_of(self, comparison: Comparison, rank: int) -> _Line:
+        """Return the line of another policy."""
         if comparison.kind == "oracle":
             notes = ["oracle"]
         elif comparison.unranked:

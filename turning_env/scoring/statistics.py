@@ -139,7 +139,10 @@ class Bootstrap:
         return means
 
     def interquartile_means(self, values: Floats, policy: str) -> Floats:
-        """Return the interquartile mean of a policy's values in each resample: see ``means``."""
+        """Return the interquartile mean of a policy's values in each resample, shape (resamples,).
+
+        See ``means`` for the arguments.
+        """
         rows = self._of_training_seeds(policy, len(values)).picks[:, :, np.newaxis]
         columns = self._seeds.picks[:, np.newaxis, :]
         num_seeds = values.shape[1]
@@ -149,14 +152,14 @@ class Bootstrap:
         small = values.size <= np.iinfo(_PLACE).max
         places: NDArray[Any] = np.empty(values.size, _PLACE if small else np.int64)
         places[np.argsort(values, axis=None, kind="stable")] = np.arange(values.size)
-        # Of long rows of such integers, a radix sort is the faster one.
+        # Long rows of such integers are sorted faster by a radix sort.
         method: Literal["quicksort", "stable"] = "quicksort"
         if small and values.size >= _LONG_ROW:
             method = "stable"
         means = np.empty(RESAMPLES)
         for chunk in _chunks(values.size):
-            # Of the flat array, which takes less time than rows and columns do. All places exist:
-            # "clip" saves their check.
+            # Picking from the flat array is faster than by rows and columns. All places exist, so
+            # "clip" only saves their check.
             picks = rows[chunk] * num_seeds + columns[chunk]
             resampled = np.take(places, picks, mode="clip").reshape(-1, values.size)
             middle = _middle(np.sort(resampled, kind=method))

@@ -30,14 +30,14 @@ def is_module(policy: Any) -> bool:
 
 
 def memory_size(module: Any) -> int:
-    """Return the number of a module's memory per environment; 0 without a memory."""
+    """Return the numbers per environment in a module's memory; 0 without a memory."""
     return int(getattr(module, "memory_size", 0))
 
 
 def run(module: Any, observations: Any, memory: Any) -> Output:
     """Run a module on tensors; ``memory`` is ignored if the module has none.
 
-    ValueError if the module returns something else than its interface says.
+    Raise ValueError if the module returns something else than the module's description says.
     """
     if memory_size(module):
         output = module(observations, memory)
@@ -50,6 +50,7 @@ def run(module: Any, observations: Any, memory: Any) -> Output:
     else:
         actions = module(observations)
         next_memory = None
+    # ``ModulePolicy`` clips the actions, so any value that can be clipped will do.
     if not hasattr(actions, "clamp"):
         raise ValueError(
             f"{_name(module)} returns {_kind(actions)}, but must return a tensor of actions: wrap "

@@ -60,7 +60,7 @@ class Workers:
 def processes(count: int) -> Iterator[Workers]:
     """Start processes of this machine; they end with the context, even if they are working.
 
-    WorkersError if one was killed.
+    Raise WorkersError if one was killed.
     """
     from joblib.externals.loky import ProcessPoolExecutor  # type: ignore[import-untyped]
 
@@ -78,7 +78,7 @@ def cluster(address: str) -> Iterator[Workers]:
     """Connect to a Dask cluster at an address such as ``tcp://host:8786``.
 
     Its number of workers may change at any time. Other workers repeat the pieces of a lost one.
-    WorkersError if there are no workers, or several are lost over the same piece.
+    Raise WorkersError if there are no workers, or several are lost over the same piece.
     """
     try:
         from distributed import Client, KilledWorker
