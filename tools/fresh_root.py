@@ -23,7 +23,7 @@ from turning_env.console import UserError, described, exits
 
 OTHER_SEED = re.compile(r"^agents/.*-seed[1-9]\.onnx$")
 """Paths of agents that only the commit of all seeds holds."""
-ALL_SEEDS = re.compile(r"^(ALL_SEEDS \?= )([0-9a-f]{40})$", re.MULTILINE)
+ALL_SEEDS = re.compile(r"^(?P<assignment>ALL_SEEDS \?= )(?P<commit>[0-9a-f]{40})$", re.MULTILINE)
 """The Makefile's line that names this commit."""
 
 
@@ -69,17 +69,19 @@ def fresh_commits(version: str) -> str:
     Raise UserError if the Makefile of HEAD names no commit of all seeds, or this holds none.
     """
     makefile = git("show", "HEAD:Makefile")
-    named = ALL_SEEDS.search(makefile)
-    if named is None:
+    setting = ALL_SEEDS.search(makefile)
+    if setting is None:
         raise UserError("the Makefile of HEAD has no line ALL_SEEDS ?= COMMIT")
+    other_seeds = entries_of_other_seeds(setting["commit"])
     with tempfile.TemporaryDirectory() as folder:
+        # An index of its own leaves what the user has staged as it is.
         index = Path(folder) / "index"
         git("read-tree", "HEAD", index=index)
-        git("update-index", "--index-info", text=entries_of_other_seeds(named[2]), index=index)
+        git("update-index", "--index-info", text=other_seeds, index=index)
         tree = git("write-tree", index=index).strip()
         all_seeds = git("commit-tree", tree, "-m", f"Publish {version} with all seeds").strip()
 
-        changed = ALL_SEEDS.sub(rf"\g<1>{all_seeds}", makefile)
+        changed = ALL_SEEDS.sub(rf"\g<assignment>{all_seeds}", makefile)
         blob = git("hash-object", "-w", "--stdin", text=changed).strip()
         git("read-tree", "HEAD", index=index)
         git("update-index", "--cacheinfo", f"100644,{blob},Makefile", index=index)

@@ -36,6 +36,7 @@ from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from tqdm import tqdm
 
 from baselines import tune as rule_tuning
@@ -46,9 +47,8 @@ from train.training import train
 from turning_env import RoughTurningEnv, RoughTurningVectorEnv, Scenario
 from turning_env.console import described, exits, positive
 
-Program = Callable[
-    [Path], int
-]  # a function that fills a folder, or continues to fill it, and returns the exit status
+# A function that fills a folder, or continues to fill it, and returns the exit status.
+Program = Callable[[Path], int]
 
 SCENARIO = Scenario.model_validate(
     {"name": "short", "tool": {"wear_criterion": 0.1}, "control": {"time_limit": 2.0}}
@@ -58,11 +58,12 @@ MIN_STEPS = 10_000  # of a batch: memory counts from a tenth of them on, at leas
 MAX_GROWTH = 8_000_000  # growth of memory that is tolerated [bytes]
 MAX_SECONDS = 600.0  # time after which a program counts as hung [s]
 MAX_ORPHAN_SECONDS = 30.0  # time within which the processes of a killed program must end [s]
+POLL_SECONDS = 0.02  # time between two looks at the processes of a killed program [s]
 
 
 def training(folder: Path) -> int:
     """Train PPO for a few seconds, with eight checkpoints."""
-    small = {
+    settings = {
         "num_envs": 8,
         "n_steps": 64,
         "batch_size": 256,
@@ -70,7 +71,15 @@ def training(folder: Path) -> int:
         "total_timesteps": 4096,
     }
     train(
-        Run.plan("ppo", "RoughTurning-v0", SCENARIO, 0, folder, "soak", small),
+        Run.plan(
+            "ppo",
+            "RoughTurning-v0",
+            scenario=SCENARIO,
+            seed=0,
+            runs=folder,
+            command="soak",
+            given=settings,
+        ),
         ppo.ALGORITHM,
         checkpoint_every=512,
     )
@@ -79,10 +88,20 @@ def training(folder: Path) -> int:
 
 def tuning_of_rules(folder: Path) -> int:
     """Search for the parameters of two rules."""
-    words = ["--scenario", _scenario(folder), "--rules", "fixed_tuned", "rescaled_grid_search"]
-    return rule_tuning.main(
-        [*words, "--trials", "10", "--seeds", "4", "--out", str(folder / "tuned" / "short.json")]
-    )
+    words = [
+        "--scenario",
+        _scenario(folder),
+        "--rules",
+        "fixed_tuned",
+        "rescaled_grid_search",
+        "--trials",
+        "10",
+        "--seeds",
+        "4",
+        "--out",
+        str(folder / "tuned" / "short.json"),
+    ]
+    return rule_tuning.main(words)
 
 
 def tuning_of_an_agent(folder: Path) -> int:
@@ -117,9 +136,8 @@ def leaderboard(folder: Path, more: Sequence[str] = ()) -> int:
 
 
 def _scenario(folder: Path) -> str:
-    path = (
-        folder.parent / "short.toml"
-    )  # beside the folders, because written files contain its path
+    # Written files contain its path, so all folders of a program share it.
+    path = folder.parent / "short.toml"
     SCENARIO.save(path)
     return str(path)
 
@@ -140,8 +158,13 @@ class Toll:
     kills: int = 0
     torn: int = 0  # files that cannot be read
     differing: int = 0  # results
-    orphans: int = 0  # processes that survive
+    orphans: int = 0  # kills that processes of the program survive
     seconds: float = 0.0
+
+    @property
+    def is_clean(self) -> bool:
+        """Whether the kills have harmed nothing."""
+        return self.torn == 0 and self.differing == 0 and self.orphans == 0
 
 
 def kill(program: Program, kills: int, folder: Path, random: Random) -> Toll:
@@ -153,9 +176,8 @@ def kill(program: Program, kills: int, folder: Path, random: Random) -> Toll:
         RuntimeError: the program fails although it was not killed.
     """
     toll = Toll()
-    _started(
-        _nothing, folder / "warm"
-    ).join()  # the server of processes imports all that is needed, once
+    # The server of processes imports all that is needed once, before times are measured.
+    _started(_nothing, folder / "warm").join()
     start = time.monotonic()
     _finish(program, folder / "undisturbed")
     toll.seconds = time.monotonic() - start
@@ -166,7 +188,7 @@ def kill(program: Program, kills: int, folder: Path, random: Random) -> Toll:
         process.join(random.uniform(0.0, toll.seconds))
         if process.is_alive():
             toll.kills += 1
-            toll.orphans += not _killed(process)
+            toll.orphans += not _kill_alone(process)
             toll.torn += len(unreadable(here))
         _finish(program, here)
         toll.differing += contents(here) != expected
@@ -188,27 +210,30 @@ def _nothing(folder: Path) -> int:
 
 
 def _run(program: Program, folder: Path) -> None:
-    os.setsid()  # it and its processes are a group
+    # It and its children are a process group, whose id is its own.
+    os.setsid()
     with (folder / LOG).open("a", encoding="utf-8") as log:
         os.dup2(log.fileno(), 1)
         os.dup2(log.fileno(), 2)
         sys.exit(program(folder))
 
 
-def _killed(process: BaseProcess) -> bool:
+def _kill_alone(process: BaseProcess) -> bool:
     """Kill a process, but not its children; return whether these end by themselves."""
     assert process.pid is not None
+    group = process.pid
     process.kill()
     process.join()
     deadline = time.monotonic() + MAX_ORPHAN_SECONDS
     while time.monotonic() < deadline:
         try:
-            os.killpg(process.pid, 0)
+            # Signal 0 does nothing, but fails once the group has no process.
+            os.killpg(group, 0)
         except ProcessLookupError:
             return True
-        time.sleep(0.02)
+        time.sleep(POLL_SECONDS)
     with suppress(ProcessLookupError):
-        os.killpg(process.pid, signal.SIGKILL)
+        os.killpg(group, signal.SIGKILL)
     return False
 
 
@@ -217,19 +242,17 @@ def _finish(program: Program, folder: Path) -> None:
     process.join(MAX_SECONDS)
     if process.exitcode != 0:
         process.kill()
-        said = (folder / LOG).read_text("utf-8").strip().splitlines()[-5:]
-        raise RuntimeError(f"it ended with status {process.exitcode}: " + "\n".join(said))
+        lines = (folder / LOG).read_text("utf-8").strip().splitlines()
+        last_lines = "\n".join(lines[-5:])
+        raise RuntimeError(f"it ended with status {process.exitcode}: {last_lines}")
 
 
 def files(folder: Path) -> Iterator[Path]:
     """Yield the result files, without hidden ones, which are being written, and TensorBoard's."""
     for path in sorted(folder.rglob("*")):
         parts = path.relative_to(folder).parts
-        if (
-            path.is_file()
-            and "tensorboard" not in parts
-            and not any(part.startswith(".") for part in parts)
-        ):
+        is_hidden = any(part.startswith(".") for part in parts)
+        if path.is_file() and not is_hidden and "tensorboard" not in parts:
             yield path
 
 
@@ -247,14 +270,15 @@ def unreadable(folder: Path) -> list[str]:
 
 def contents(folder: Path) -> dict[str, str]:
     """Return digests of the files, without times and journals, which also hold killed trials."""
-    found = {}
+    digests = {}
     for path in files(folder):
         if path.suffix != ".log" and path.name != "run.json":
             content = path.read_bytes()
             with suppress(Exception):  # unreadable files differ
                 content = _read(path)
-            found[str(path.relative_to(folder))] = sha256(content).hexdigest()
-    return found
+            name = str(path.relative_to(folder))
+            digests[name] = sha256(content).hexdigest()
+    return digests
 
 
 def _read(path: Path) -> bytes:
@@ -270,19 +294,29 @@ def _read(path: Path) -> bytes:
         case ".html" if not content.rstrip().endswith(b"</html>"):
             raise ValueError("it has no end")
         case ".csv":
-            rows = list(csv.DictReader(content.decode("utf-8").splitlines()))
-            return json.dumps(
-                [{key: float(row[key]) for key in row if key != "wall_time"} for row in rows]
-            ).encode()
+            return _without_times(content)
         case ".zip":
-            # A model of Stable-Baselines3: weights and optimisers' states; the rest names times.
-            with zipfile.ZipFile(path) as archive:
-                return b"".join(
-                    archive.read(name)
-                    for name in sorted(archive.namelist())
-                    if name.endswith((".pth", ".pt"))
-                )
+            return _weights(path)
     return content
+
+
+def _without_times(content: bytes) -> bytes:
+    """Return the numbers of a CSV file but for the wall time."""
+    rows = []
+    for row in csv.DictReader(content.decode("utf-8").splitlines()):
+        numbers = {key: float(value) for key, value in row.items() if key != "wall_time"}
+        rows.append(numbers)
+    return json.dumps(rows).encode()
+
+
+def _weights(path: Path) -> bytes:
+    """Return weights and optimisers' states of a model of Stable-Baselines3; the rest has times."""
+    weights = []
+    with zipfile.ZipFile(path) as archive:
+        for name in sorted(archive.namelist()):
+            if name.endswith((".pth", ".pt")):
+                weights.append(archive.read(name))
+    return b"".join(weights)
 
 
 class Endured(NamedTuple):
@@ -294,6 +328,29 @@ class Endured(NamedTuple):
     seconds: float
     differing: int  # environments that differ from single ones
 
+    @property
+    def is_clean(self) -> bool:
+        """Whether memory is bounded and all environments match single ones."""
+        return self.growth <= MAX_GROWTH and self.differing == 0
+
+
+@dataclass
+class Single:
+    """A single environment that is stepped beside an environment of a batch."""
+
+    env: RoughTurningEnv
+    ended: bool = False
+
+    def step(self, action: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Take a step as a batch does, a reset after the end; return the observation."""
+        if self.ended:
+            observation, _ = self.env.reset()
+            self.ended = False
+            return observation
+        observation, _, terminated, truncated, _ = self.env.step(action)
+        self.ended = terminated or truncated
+        return observation
+
 
 def step_long(count: int, num_envs: int = 1024, checked: int = 8) -> Endured:
     """Step a batch with random actions, ``count`` steps of single environments in all.
@@ -301,40 +358,43 @@ def step_long(count: int, num_envs: int = 1024, checked: int = 8) -> Endured:
     The first ``checked`` environments are compared with single ones of the same seeds and actions,
     bit for bit, at every step.
     """
-    import psutil  # type: ignore[import-untyped]
+    import psutil  # type: ignore[import-untyped]  # only this part needs it
 
     env = RoughTurningVectorEnv(num_envs)
     env.reset(seed=0)
-    singles = [RoughTurningEnv() for _ in range(checked)]
-    ended = np.zeros(checked, np.bool_)
+    singles = [Single(RoughTurningEnv()) for _ in range(checked)]
     for seed, single in enumerate(singles):
-        single.reset(seed=seed)
+        single.env.reset(seed=seed)
     random = np.random.default_rng(0)
-    apart: set[int] = set()
+    differing: set[int] = set()
     steps = max(1, count // num_envs)
     episodes = num_envs
-    settled = 0
-    process, start = psutil.Process(), time.perf_counter()
+    memory_before = 0
+    process = psutil.Process()
+    start = time.perf_counter()
     for number in tqdm(range(steps), desc=f"{num_envs} environments", disable=None):
+        # Buffers and caches have their final size after the first tenth.
         if number == steps // 10:
-            settled = process.memory_info().rss
+            memory_before = process.memory_info().rss
         actions = random.uniform(-1.0, 1.0, (num_envs, 2)).astype(np.float32)
         observations, _, terminated, truncated, _ = env.step(actions)
-        episodes += int(np.count_nonzero(terminated | truncated))
+        ended = terminated | truncated
+        episodes += int(np.count_nonzero(ended))
         for index, single in enumerate(singles):
-            if ended[index]:  # the batch's next step is a reset
-                observation, ended[index] = single.reset()[0], False
-            else:
-                observation, _, worn, late, _ = single.step(actions[index])
-                ended[index] = worn or late
-            if (
-                observation.tobytes() != observations[index].tobytes()
-                or ended[index] != (terminated | truncated)[index]
-            ):
-                apart.add(index)
-    growth, seconds = process.memory_info().rss - settled, time.perf_counter() - start
+            observation = single.step(actions[index])
+            is_same = observation.tobytes() == observations[index].tobytes()
+            if not is_same or single.ended != ended[index]:
+                differing.add(index)
+    growth = process.memory_info().rss - memory_before
+    seconds = time.perf_counter() - start
     env.close()
-    return Endured(steps * num_envs, episodes, growth, seconds, len(apart))
+    return Endured(
+        steps=steps * num_envs,
+        episodes=episodes,
+        growth=growth,
+        seconds=seconds,
+        differing=len(differing),
+    )
 
 
 @exits(RuntimeError, interrupted="interrupted: run it again from the start", checks=True)
@@ -359,47 +419,51 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parsed = parser.parse_args(arguments)
     if parsed.steps < MIN_STEPS:
         parser.error(f"--steps is {parsed.steps}, but must be at least {MIN_STEPS}")
-    held = True
+    is_clean = True
     if parsed.only != "steps":
-        held &= _kill_all(parsed.kills, Random(0))
+        is_clean &= _kill_all(parsed.kills, Random(0))
     if parsed.only != "kills":
-        came = step_long(parsed.steps)
-        print(
-            "\n| steps | episodes | per second | growth [MB] "
-            "| differing from single environments |\n"
-            "|---|---|---|---|---|"
-        )
-        rate, growth = f"{came.steps / came.seconds:.0f}", f"{came.growth / 1e6:.1f}"
-        print(f"| {came.steps} | {came.episodes} | {rate} | {growth} | {came.differing} |")
-        held &= came.growth <= MAX_GROWTH and came.differing == 0
-    return 0 if held else 1
+        endured = step_long(parsed.steps)
+        _print_endured(endured)
+        is_clean &= endured.is_clean
+    return 0 if is_clean else 1
+
+
+def _print_endured(endured: Endured) -> None:
+    print(
+        "\n| steps | episodes | per second | growth [MB] "
+        "| differing from single environments |\n"
+        "|---|---|---|---|---|"
+    )
+    rate = f"{endured.steps / endured.seconds:.0f}"
+    growth = f"{endured.growth / 1e6:.1f}"
+    print(f"| {endured.steps} | {endured.episodes} | {rate} | {growth} | {endured.differing} |")
 
 
 def _kill_all(kills: int, random: Random) -> bool:
+    """Kill all programs and print a table; return whether the kills have harmed nothing."""
     print(
         "| program | kills | files torn | other results | processes left | undisturbed [s] |\n"
         "|---|---|---|---|---|---|"
     )
-    held = True
+    is_clean = True
     with ExitStack() as stack:
         programs = dict(PROGRAMS)
         with suppress(ModuleNotFoundError):  # Dask is optional
             from distributed import LocalCluster
 
             local: Callable[..., LocalCluster] = LocalCluster
-            cluster = stack.enter_context(
-                local(n_workers=2, threads_per_worker=1, dashboard_address=None)
-            )
-            programs["leaderboard, Dask"] = partial(
-                leaderboard, more=("--scheduler", cluster.scheduler_address)
-            )
+            cluster = local(n_workers=2, threads_per_worker=1, dashboard_address=None)
+            stack.enter_context(cluster)
+            scheduler = ("--scheduler", cluster.scheduler_address)
+            programs["leaderboard, Dask"] = partial(leaderboard, more=scheduler)
         for name, program in programs.items():
             with TemporaryDirectory() as folder:
                 toll = kill(program, kills, Path(folder), random)
-            figures = (toll.kills, toll.torn, toll.differing, toll.orphans, f"{toll.seconds:.0f}")
-            print(f"| {name} | {' | '.join(map(str, figures))} |", flush=True)
-            held &= toll.torn == toll.differing == toll.orphans == 0
-    return held
+            harm = f"{toll.torn} | {toll.differing} | {toll.orphans}"
+            print(f"| {name} | {toll.kills} | {harm} | {toll.seconds:.0f} |", flush=True)
+            is_clean &= toll.is_clean
+    return is_clean
 
 
 if __name__ == "__main__":

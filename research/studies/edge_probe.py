@@ -326,7 +326,12 @@ def explored(family: Family, split: str, num_jobs: int) -> Array:
 
 
 def left_out_scores(numbers: Array, present: NDArray[np.bool_]) -> Array:
-    """Return the score of each job by a ridge regression on the other folds, shape (jobs,)."""
+    """Return the score of each job by a ridge regression on the other folds, shape (jobs,).
+
+    Args:
+        numbers: numbers of the histories, shape (jobs, numbers).
+        present: whether a job has the form, shape (jobs,).
+    """
     scores = np.empty(len(numbers))
     folds = np.arange(len(numbers)) % FOLDS
     for fold in range(FOLDS):

@@ -250,7 +250,11 @@ def h13(exp1: Path, exp2: Path, prep: Path) -> dict[str, Numbers]:
 
 
 def h13_wear(prep: Path) -> Numbers:
-    """Return the numbers of wear over time, at each depth."""
+    """Return the numbers of wear over time, at each depth.
+
+    Columns: Tool_ID names the edge, CTime is its cutting time [min], TCond its flank wear [mm], and
+    ap the depth of cut [mm].
+    """
     rows = []
     for row in first_of_each(read_rows(prep), "Tool_ID", "CTime"):
         wear = row["TCond"]
@@ -277,8 +281,9 @@ def h13_wear(prep: Path) -> Numbers:
         numbers[f"K at {value:g} mm [mm]"] = factor
         numbers[f"life at {value:g} mm [min]"] = life(factor, law.exponent)
         squares += ((log_factors - mean) ** 2).sum()
-    freedom = len(depth_of_edge) - len(depths)
-    numbers["log spread of edges, within depths"] = np.sqrt(squares / freedom)
+    # The mean of each depth takes one degree of freedom.
+    degrees_of_freedom = len(depth_of_edge) - len(depths)
+    numbers["log spread of edges, within depths"] = np.sqrt(squares / degrees_of_freedom)
     return numbers
 
 
@@ -403,9 +408,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     needed = FILES[options.set]
     if len(options.files) != needed:
         parser.error(f"{options.set} needs {needed} files, got {len(options.files)}")
-    for what, numbers in SETS[options.set](*options.files).items():
+    for subject, numbers in SETS[options.set](*options.files).items():
         for name, value in numbers.items():
-            print(f"{what}, {name}: {value:.4g}")
+            print(f"{subject}, {name}: {value:.4g}")
     return 0
 
 

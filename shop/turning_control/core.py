@@ -224,10 +224,14 @@ class Controller:
         )
 
     def _fault(self, readings: Readings) -> str:
-        """Return the fault of the sensors, or an empty text."""
-        lost = self.lacks(readings)
-        if lost:
-            return f"no {lost[0]}"
+        """Return the fault of the sensors, or an empty text.
+
+        Call it once per control interval, because it counts unchanged readings.
+        """
+        missing = self.lacks(readings)
+        if missing:
+            first = missing[0]
+            return f"no {first}"
         # Noise changes every reading of a sensor that works.
         power = readings.power
         force = getattr(readings, force_reading(self._scenario))
@@ -238,8 +242,9 @@ class Controller:
             self._repeats += 1
         else:
             self._repeats = 0
-        intervals = STUCK_TIME / self._scenario.control.interval
-        if self._repeats >= max(intervals, STUCK_INTERVALS):
+        # At long intervals, a short time holds too few readings to tell chance from a fault.
+        max_repeats = max(STUCK_TIME / self._scenario.control.interval, STUCK_INTERVALS)
+        if self._repeats >= max_repeats:
             return "sensor stuck"
         return ""
 

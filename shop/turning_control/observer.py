@@ -39,6 +39,7 @@ MODEL_NOISE = 0.005  # standard deviation of readings that the sensors' noise do
 MODEL_SPREAD = 0.05  # standard deviation of the nominal model's errors in hardness and in force [-]
 EDGE_DRIFT = 0.001  # drift of force over nominal as the edge wears [1/sqrt(mm)]
 LAG_ERROR = 0.2  # standard deviation of a correction for a sensor's lag, over that correction [-]
+MIN_DEPTH = 0.2  # estimated depth of cut over nominal below which it is taken as this (assumption)
 MIN_WEAR = 0.05  # nominal wear over the criterion below which predictions hold it constant [-]
 # Nominal load behind all lags over the nominal load, above which a reading is used [-].
 MIN_BUILT_UP = 0.3
@@ -166,7 +167,7 @@ class LoadModel:
         """
         law = self.law
         # Far from any reading the estimated depth may fall below 0, where the logarithm ends.
-        actual_depth = np.maximum(depth + mean[:, EXCESS], 0.2 * depth)
+        actual_depth = np.maximum(depth + mean[:, EXCESS], MIN_DEPTH * depth)
         log_hardness = mean[:, BAR] + mean[:, ALL_BARS]
         value = (
             law.depth_of_cut * np.log(actual_depth / depth)
@@ -242,6 +243,7 @@ class Observer:
         return float(wear_exponent(law, log_criterion))
 
     def _set_prior(self) -> None:
+        """Set the variances of the states before any reading, and how they change along a bar."""
         work = self._scenario.workpiece
         depth_length = work.depth_correlation_length
         hardness_length = work.hardness_correlation_length

@@ -13,7 +13,7 @@ STDERR = 2
 
 @contextlib.contextmanager
 def standard_streams_taken() -> Iterator[tuple[TextIO, TextIO]]:
-    """Yield standard input and output for a protocol, and leave others none.
+    """Yield standard input and output for a protocol, and keep everything else away from them.
 
     Enter it before any policy is loaded. Standard input then is empty, and what is written to
     standard output goes to standard error. So the protocol stays free of what a policy, a library

@@ -12,14 +12,16 @@ from turning_nc.interpolation import ARCS, MOTIONS, THREADS
 from turning_nc.modal import COORDINATES
 from turning_nc.words import BlockError, Line, Word
 
+DWELL = 4  # G4
+
 # Words that say how a block moves, beside its coordinates.
 PARAMETERS = frozenset("IKRPQDLA") | {"CR", "ANG", ",A", ",C", ",R", "CHR", "CHF", "RND"}
 
 # Addresses that stand once in a block.
 ONCE = frozenset("XZUWIKRFST")
 
-# Of the parameters, words that have a meaning in some blocks only.
-SOMETIMES = frozenset("IKRPQDLA") | {"CR"}
+# Addresses of the parameters that have a meaning in some blocks only, such as I and K in an arc.
+OF_SOME_BLOCKS = frozenset("IKRPQDLA") | {"CR"}
 
 # Axes of mill-turn machines; at 0 they do not change how a tool turns.
 NULL_AXES = frozenset("YVCBA")
@@ -37,12 +39,12 @@ def _kept(line: Line, keeps: Callable[[Word], bool]) -> Line:
 
 
 def single_words(control: Control, line: Line) -> Line:
-    """Return the line without words of addresses that may stand once, but stand again.
+    """Return the line without the second word of an address that a block may hold once.
 
-    Controls differ in which of them they take, if they do not stop. The time of a dwell may be a
-    second S or F.
+    Some controls stop at it; the others differ in which of the two words they take.
     """
-    if 4 in line.codes:
+    # The time of a dwell may be a second S or F.
+    if DWELL in line.codes:
         return line
     known: set[str] = set()
 
@@ -176,8 +178,11 @@ def with_one_motion(control: Control, line: Line) -> Line:
 
 
 def meaningful_words(control: Control, line: Line, codes: set[float]) -> Line:
-    """Return the line without words that have no meaning in it."""
-    meaningless = SOMETIMES - _addresses_used(control, line, codes)
+    """Return the line without words that have no meaning in it.
+
+    Each of them is a problem of the program, except a rotary axis at 0: it turns nothing.
+    """
+    meaningless = OF_SOME_BLOCKS - _addresses_used(control, line, codes)
 
     def has_meaning(word: Word) -> bool:
         if word.address not in meaningless or word.value is None:
@@ -250,7 +255,7 @@ def dwell_word(control: Control, line: Line) -> Word | None:
     It is the first after G4 that can, else the last before it.
     """
     addresses = {"X", "U", "P"} if control.fanuc else {"F", "S"}
-    is_dwell = [word.address == "G" and word.value == 4.0 for word in line.words]
+    is_dwell = [word.address == "G" and word.value == DWELL for word in line.words]
     place = is_dwell.index(True)
     before = line.words[:place]
     behind = line.words[place:]

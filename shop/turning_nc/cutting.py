@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from turning_nc.kinds import DRILL
 from turning_nc.moves import Moves
-from turning_nc.removal import MIN_DEPTH, Removal
+from turning_nc.removal import MIN_DEPTH, RADIUS, Removal
 from turning_shop import Values
 from turning_shop.allowed import feed_range
 from turning_shop.whatif import NO_LIMIT
@@ -212,14 +212,15 @@ def spindle_speed(situation: Situation, speed: Values, slices: Any = slice(None)
 
     Args:
         situation: a program on its stock.
-        speed: speeds of the slices as programmed; the last axis is that of the slices.
+        speed: speeds of the slices as programmed, [m/min] where the cutting speed is constant and
+            [rev/min] elsewhere; the last axis is that of the slices.
         slices: indices of the slices; by default all.
     """
     max_speed = situation.max_spindle[slices]
     min_turn = 1.0 / max_speed  # time of a turn [min]
     per_radius = 2.0 * math.pi / (1000.0 * np.maximum(speed, 1e-9))  # [min/mm]
-    start = situation.removal.slices.start[slices, 1]
-    end = situation.removal.slices.end[slices, 1]
+    start = situation.removal.slices.start[slices, RADIUS]
+    end = situation.removal.slices.end[slices, RADIUS]
     knee = min_turn / per_radius  # radius below which the spindle is at its limit [mm]
 
     def integral(radius: Values) -> Values:
@@ -230,14 +231,15 @@ def spindle_speed(situation: Situation, speed: Values, slices: Any = slice(None)
         total = at_limit + 0.5 * per_radius * (beyond**2 - knee**2)
         return np.asarray(np.sign(radius) * total)
 
+    # Along the bar the radius hardly changes, and the mean over it would divide 0 by 0.
     across = end - start
     is_small = abs(across) < MIN_ACROSS
-    in_middle = np.maximum(per_radius * 0.5 * abs(start + end), min_turn)
+    turn_in_middle = np.maximum(per_radius * 0.5 * abs(start + end), min_turn)
     divisor = np.where(is_small, 1.0, across)
     mean_across = (integral(end) - integral(start)) / divisor
-    mean = np.where(is_small, in_middle, mean_across)
-    turns = np.where(situation.constant_speed[slices], 1.0 / mean, speed)
-    return np.asarray(np.minimum(turns, max_speed))
+    mean_turn = np.where(is_small, turn_in_middle, mean_across)
+    revolutions = np.where(situation.constant_speed[slices], 1.0 / mean_turn, speed)
+    return np.asarray(np.minimum(revolutions, max_speed))
 
 
 def play(

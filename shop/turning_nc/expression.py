@@ -156,7 +156,11 @@ def parse(text: str) -> Expression:
 
 
 def _translated(text: str) -> tuple[str, frozenset[str]]:
-    """Return an expression as Python's source, and the variables in it."""
+    """Return an expression as Python's source, and the variables in it.
+
+    Raises:
+        ValueError: a part of the text is no token, or a number is too large.
+    """
     python: list[str] = []
     variables: set[str] = set()
     place = 0
@@ -166,13 +170,18 @@ def _translated(text: str) -> tuple[str, frozenset[str]]:
             rest = text[place:].strip()[:MAX_SHOWN]
             raise ValueError(f"{rest!r} is neither number, variable, operator nor parenthesis")
         place = match.end()
-        token = match[match.lastgroup or 0]
-        if match.lastgroup == "number":
-            token = _number(token)
-        elif match.lastgroup == "variable":
+        # The pattern is a choice of groups, so the last group is the only one that matched.
+        kind = match.lastgroup
+        assert kind is not None
+        token = match[kind]
+        if kind == "number":
+            python.append(_number(token))
+        elif kind == "variable":
             variables.add(token)
-            token = f"variables[{token!r}]"
-        python.append(_PYTHON.get(token, token))
+            python.append(f"variables[{token!r}]")
+        else:
+            # Some words of the control have another name in Python.
+            python.append(_PYTHON.get(token, token))
     return " ".join(python), frozenset(variables)
 
 

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from turning_nc.blocks import (
+    DWELL,
     NULL_AXES,
     beside_dwell,
     dwell_time,
@@ -224,20 +225,28 @@ class ProgramControl(Control):
         """Return the index of the line that follows a jump, a loop or a false condition.
 
         It is None if the rest of the block is run.
+
+        Raises:
+            BlockError: the condition has no value, the loop is not whole, the jump has no target,
+                or an IF has neither a jump nor THEN.
         """
         holds = not flow.condition or bool(evaluated(flow.condition, self.variables))
         places = self.places(block.part)
         following = block.index + 1
         if flow.jump in ("END", "ENDWHILE"):
             return places.begin_of_loop(block.index)
+        # Fanuc begins a loop with WHILE [...] DO or DO alone, SINUMERIK with WHILE.
         if flow.word == "WHILE" or flow.jump == "DO":
             end = places.end_of_loop(block.index)
             return following if holds else end + 1
-        if not flow.jump:
-            if not flow.then:
-                raise BlockError("IF is understood with a jump to a block alone, such as GOTO")
-            return None if holds else following
-        return self._target_of_jump(flow, places, following) if holds else following
+
+        if not flow.jump and not flow.then:
+            raise BlockError("IF is understood with a jump to a block alone, such as GOTO")
+        if not holds:
+            return following
+        if flow.jump:
+            return self._target_of_jump(flow, places, following)
+        return None
 
     def _target_of_jump(self, flow: Flow, places: Places, following: int) -> int:
         """Return the index of the line to which a block jumps.
@@ -373,7 +382,7 @@ class ProgramControl(Control):
 
     def _set_values(self, line: Line, codes: set[float]) -> Line:
         """Set feed, speed and tool, and dwell; return the line without its dwell."""
-        dwells = 4 in codes
+        dwells = DWELL in codes
         dwell = dwell_word(self, line) if dwells else None
         # F or S may be the time of a dwell, and set nothing then.
         if dwells:

@@ -12,6 +12,7 @@ from turning_nc.cutting import Play, Situation
 from turning_nc.dialects import INCH
 from turning_nc.edges import parts_per_edge
 from turning_nc.kinds import DRILL, FACE_GROOVE
+from turning_nc.removal import RADIUS, Z
 from turning_nc.tool_shapes import tool_shape
 from turning_nc.words import at_lines
 from turning_shop import Values
@@ -88,8 +89,8 @@ def _check_cuts(situation: Situation, played: Play, findings: _Findings) -> None
     )
 
     # A tool may cut down to the axis: by the bar's radius if it faces, by its own if it turns.
-    across = abs(slices.end[:, 1] - slices.start[:, 1])
-    along = abs(slices.end[:, 0] - slices.start[:, 0])
+    across = abs(slices.end[:, RADIUS] - slices.start[:, RADIUS])
+    along = abs(slices.end[:, Z] - slices.start[:, Z])
     outer_radius = s.removal.stock.bounds[3]
     max_depth = np.where(across > along, outer_radius, slices.radius)
     is_too_deep = (slices.depth > max_depth) & (slices.depth > MIN_CHECKED_DEPTH)
@@ -220,7 +221,7 @@ def _wrong_sides(situation: Situation) -> dict[int, Mask]:
     compensation = of_moves[slices.move]
     left = _body_to_the_left(s)
     is_clear = s.engaged & (abs(left) > MIN_ASIDE)
-    is_clear &= slices.start[:, 1] > 0.0  # tools beyond the axis do not count
+    is_clear &= slices.start[:, RADIUS] > 0.0  # tools beyond the axis do not count
     contrary = np.where(left > 0.0, compensation == RIGHT, compensation == LEFT)
     wrong = is_clear & contrary
     right = is_clear & (compensation > 0) & ~wrong
@@ -265,7 +266,7 @@ def _backwards(situation: Situation) -> Mask:
         if has_hand:
             hand[is_tool] = -1.0 if "left" in kind else 1.0
     length = np.maximum(slices.length, 1e-9)
-    rise_z = slices.end[:, 0] - slices.start[:, 0]
+    rise_z = slices.end[:, Z] - slices.start[:, Z]
     along = rise_z / length
     is_deep = situation.engaged & (slices.depth > MIN_BACK_DEPTH)
     is_back = is_deep & (along * hand > MIN_BACK_SHARE)

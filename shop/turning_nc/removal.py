@@ -39,6 +39,11 @@ MAX_GOUGE = 5.0  # area that the back of an insert may take from the part withou
 FAR = 1e5  # radius beyond every stock [mm]
 
 
+# Columns of ``Slices.start`` and ``Slices.end``.
+Z = 0
+RADIUS = 1
+
+
 @dataclass(frozen=True)
 class Slices:
     """Pieces of all moves, in their order: arrays of one length."""
@@ -223,8 +228,8 @@ class _Cutting:
         if move.kind == "rapid":
             # A tool that withdraws to where it came from rubs along each ridge of a shoulder, which
             # would take long to compute.
-            rise = end[1] - start[1]
-            withdraws = start[0] == end[0] and rise * shape[2, 1] > 0.0
+            rise = end.x - start.x
+            withdraws = start.z == end.z and rise * shape[2, 1] > 0.0
             if withdraws or move.tool in self._threading:
                 return AIR
         sweep = Sweep(shape, start, end=end)
@@ -283,7 +288,7 @@ class _Cutting:
         length = path_length * increments(shares)
         areas = increments(summed_areas)
         moments = increments(summed_moments)
-        middle_radius = 0.5 * abs(starts + ends)[:, 1]
+        middle_radius = 0.5 * abs(starts + ends)[:, RADIUS]
         return Slices(
             move=np.array(self._moves)[path],
             length=np.maximum(length, 0.0),

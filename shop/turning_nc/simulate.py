@@ -144,19 +144,20 @@ def compare(
     law = LawPolicy(program, scenario)
     policy = make_policy(1)
     policy.reset(np.ones(1, np.bool_))
-    overrides: list[float] = []
+    overrides_by_law: list[float] = []  # [%]
 
     def act(observations: Observations) -> Actions:
+        """Note the override that the law would set, and return the controller's action."""
         reading = read(observations, scenario)
         present = 100.0 * float(reading.commanded_feed[0]) / program.feed
-        overrides.append(law.override(reading, present))
+        overrides_by_law.append(law.override(reading, present))
         return policy.act(observations)
 
     infos = list(_steps(scenario, seed, act=act))
     differences = []
-    for override, info in zip(overrides, infos, strict=True):
+    for by_law, info in zip(overrides_by_law, infos, strict=True):
         commanded = 100.0 * info["commanded_feed"] / program.feed
-        differences.append(abs(override - commanded))
+        differences.append(abs(by_law - commanded))
     return Comparison(differences, controller=Totals.of(infos))
 
 

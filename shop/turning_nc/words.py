@@ -184,7 +184,11 @@ class Word:
 
 
 class Flow(NamedTuple):
-    """A jump, a loop or a condition; what a block lacks of it is empty."""
+    """A jump, a loop or a condition; what a block lacks of it is empty.
+
+    ``IF [#1 GT 0] GOTO 10`` has a word, a condition, a jump and a target; ``END 1`` has a jump and
+    a target alone.
+    """
 
     word: str  # IF or WHILE
     condition: str

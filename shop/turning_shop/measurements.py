@@ -508,7 +508,8 @@ def _read_header(table: _Table, source: str, stated: _Stated) -> list[Heading]:
     """Return how each column is read.
 
     Raises:
-        WorkshopError: A column is missing, occurs twice or cannot be told from another.
+        WorkshopError: The table is empty, or a column is missing, occurs twice or cannot be told
+            from another.
     """
     if not table.header:
         raise WorkshopError(f"{source} is empty: a header and rows of measurements are needed")
@@ -517,11 +518,11 @@ def _read_header(table: _Table, source: str, stated: _Stated) -> list[Heading]:
         headings = []
         for place, text in enumerate(table.header):
             headings.append(read_heading(text, stated_columns.get(place), stated.units))
-        headings = _told_by_size(headings, table.rows)
+        headings = _decided_by_size(headings, table.rows)
     except WorkshopError as error:
         raise WorkshopError(f"{source}: {error}") from error
     for place, heading in enumerate(headings):
-        # The user says that this column is another one.
+        # The user names another header for this quantity, so this column is not read.
         if heading.column in stated.headers and place not in stated_columns:
             headings[place] = Heading(heading.text, None)
     _refuse_missing(headings, source, stated.constants)
@@ -557,7 +558,7 @@ def _stated_columns(
     return stated_columns
 
 
-def _told_by_size(headings: Sequence[Heading], rows: Sequence[Row]) -> list[Heading]:
+def _decided_by_size(headings: Sequence[Heading], rows: Sequence[Row]) -> list[Heading]:
     """Return headings in which the numbers below have decided between two meanings."""
     decided = []
     for place, heading in enumerate(headings):

@@ -59,6 +59,7 @@ from turning_shop.units import METRIC, Units
 from turning_env.scenario import Scenario
 from turning_env.scenario.scenario import flat, merged
 
+MIN_EDGE_SPREAD = 1e-3  # log spread of edges that is taken for 0 [-]: 0 would be divided by
 QUANTILE = 1.96  # half the 95 % interval over the standard deviation [-]
 MODULI = {
     "P": 210e3,
@@ -127,14 +128,14 @@ class Job(NamedTuple):
         """Sentences on where the numbers come from."""
         group = self.material.group
         insert = self.insert
-        low_speed, _, high_speed = self.start.speeds
+        speeds = self.start.speeds
         yield f"{self.material.described} ({materials.SOURCE})"
         yield (
             f"kc1.1 {group.kc11:g} N/mm2 within {_percent(FORCE_DEVIATION)}, "
             f"mc {group.mc:g} ({groups.SOURCE})"
         )
         yield (
-            f"{self.start.speeds.usual:.0f} m/min ({low_speed:.0f} to {high_speed:.0f}) "
+            f"{speeds.usual:.0f} m/min ({speeds.low:.0f} to {speeds.high:.0f}) "
             f"for a life of {LIFE:g} min with {self.grade} ({'; '.join(self.start.sources)})"
         )
         yield (
@@ -489,30 +490,42 @@ def narrowings(job: Job, best: Plan) -> list[Narrowing]:
 
     The cost is that of the best cut if a law is at the end of its interval.
     """
+    both = (_wear_narrowing(job, best), _power_narrowing(job, best))
+    return sorted(both, key=lambda narrowing: narrowing.saving, reverse=True)
+
+
+def _wear_narrowing(job: Job, best: Plan) -> Narrowing:
+    """Return what the wear of one edge, measured once, would narrow."""
     wear = job.evidence.laws["wear"]
     factors = best.cuts._asdict()
     deviation = wear.log_deviation(job.scenario.material.wear, factors, of_reading=False)
     before = float(deviation)
-    spread = max(job.scenario.tool.wear_factor_spread, 1e-3)
+    # One edge tells the law but for the spread of edges. Catalogue and measurement are
+    # independent, so the precisions 1 / deviation^2 add up.
+    spread = max(job.scenario.tool.wear_factor_spread, MIN_EDGE_SPREAD)
     after = 1.0 / math.hypot(1.0 / before, 1.0 / spread)
-    narrowed = _with_wear_evidence(job.evidence, deviation=after)
-    better = _plan_again(job, best, narrowed)
+
+    evidence = _with_wear_evidence(job.evidence, deviation=after)
+    narrowed = _plan_again(job, best, evidence)
     count = max(1.0, float(best.parts_low))
-    of_wear = Narrowing(
+    return Narrowing(
         action=f"the flank wear of one edge after {count:.0f} {_parts_word(count)}",
         saving=_cost_range(job, "wear", before) - _cost_range(job, "wear", after),
-        gain=f"the parts an edge to {_between(better.parts_low, better.parts_high)}",
+        gain=f"the parts an edge to {_between(narrowed.parts_low, narrowed.parts_high)}",
     )
 
+
+def _power_narrowing(job: Job, best: Plan) -> Narrowing:
+    """Return what the spindle's power, measured once, would narrow."""
+    # Only the spread of edges remains: it is far below the deviation of the catalogue.
     after = TYPICAL_EDGE_SPREAD["power"]
     power = float(best.cuts.power)
     percent = 100 * (QUANTILE * after)
-    of_power = Narrowing(
+    return Narrowing(
         action="the spindle's power in one cut",
         saving=_cost_range(job, "power", FORCE_DEVIATION) - _cost_range(job, "power", after),
         gain=f"{power:.1f} kW to within {percent:.0f} %",
     )
-    return sorted((of_wear, of_power), key=lambda narrowing: -narrowing.saving)
 
 
 def _cost_range(job: Job, law: str, deviation: float) -> float:
