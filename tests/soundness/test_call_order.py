@@ -29,33 +29,33 @@ def test_resets_and_steps_in_any_order_are_those_of_single_environments(
     disabled = AutoresetMode.DISABLED
     envs = RoughTurningVectorEnv(num_envs, MORTAL, disabled)
     singles = SyncVectorEnv([lambda: RoughTurningEnv(MORTAL)] * num_envs, autoreset_mode=disabled)
-    assert envs.reset(seed=seed)[0].tobytes() == singles.reset(seed=seed)[0].tobytes()
+    observations, _ = envs.reset(seed=seed)
+    expected, _ = singles.reset(seed=seed)
+    assert observations.tobytes() == expected.tobytes()
+    masks = st.lists(st.booleans(), min_size=num_envs, max_size=num_envs)
+    pairs = st.tuples(st.floats(-1, 1), st.floats(-1, 1))
+    actions_of_a_step = st.lists(pairs, min_size=num_envs, max_size=num_envs)
     ended = np.zeros(num_envs, np.bool_)
     for _ in range(data.draw(st.integers(1, 12))):
-        mask = np.array(data.draw(st.lists(st.booleans(), min_size=num_envs, max_size=num_envs)))
+        mask = np.array(data.draw(masks))
         if mask.any() and (ended.any() or data.draw(st.booleans())):
-            anew = data.draw(st.none() | st.integers(0, 2**64 - 8))
-            found, expected = (
-                each.reset(seed=anew, options={"reset_mask": mask.copy()})[0]
-                for each in (envs, singles)
-            )
-            assert found[mask].tobytes() == expected[mask].tobytes()
+            new_seed = data.draw(st.none() | st.integers(0, 2**64 - 8))
+            observations, _ = envs.reset(seed=new_seed, options={"reset_mask": mask.copy()})
+            expected, _ = singles.reset(seed=new_seed, options={"reset_mask": mask.copy()})
+            assert observations[mask].tobytes() == expected[mask].tobytes()
             ended &= ~mask
-        actions = np.array(
-            data.draw(
-                st.lists(st.tuples(*[st.floats(-1, 1)] * 2), min_size=num_envs, max_size=num_envs)
-            )
-        )
+
+        actions = np.array(data.draw(actions_of_a_step))
         if ended.any():
-            with pytest.raises(
-                ResetNeeded,
-                match=re.escape(f"environments {np.flatnonzero(ended).tolist()} have ended"),
-            ):
+            numbers = np.flatnonzero(ended).tolist()
+            complaint = re.escape(f"environments {numbers} have ended")
+            with pytest.raises(ResetNeeded, match=complaint):
                 envs.step(actions)
             continue
         answers = envs.step(actions)
         assert_same_answers(answers, singles.step(actions))
-        ended = answers[2] | answers[3]
+        _, _, terminated, truncated, _ = answers
+        ended = terminated | truncated
 
 
 @tried(short=40, soak=5_000)
@@ -64,14 +64,17 @@ def test_an_episode_is_that_of_its_seed_and_number_whatever_was_called_before(
     seed: int, calls: list[str]
 ) -> None:
     env = RoughTurningEnv(MORTAL)
-    episode, under_way = -1, False
+    episode = -1
+    under_way = False
     for call in calls:
         if call == "seed" or (call == "reset" and episode < 0):
             observation, _ = env.reset(seed=seed)
-            episode, under_way = 0, True
+            episode = 0
+            under_way = True
         elif call == "reset":
             observation, _ = env.reset()
-            episode, under_way = episode + 1, True
+            episode += 1
+            under_way = True
         elif not under_way:
             with pytest.raises(ResetNeeded):
                 env.step(np.zeros(2))
@@ -85,4 +88,5 @@ def test_an_episode_is_that_of_its_seed_and_number_whatever_was_called_before(
             expected, _ = other.reset()
         for _ in range(3):
             assert observation.tobytes() == expected.tobytes()
-            observation, expected = env.step(np.ones(2))[0], other.step(np.ones(2))[0]
+            observation, *_ = env.step(np.ones(2))
+            expected, *_ = other.step(np.ones(2))

@@ -47,24 +47,54 @@ NUMBERS |= st.floats(0.0, 1e3).map(repr) | st.integers(0, 10**20).map(str)
 NAMES = st.sampled_from((*VARIABLES, *PYTHON, "x", "__import__", "speed.real", "None"))
 
 
-def _larger(part: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
-    operators = st.sampled_from(
-        (" + ", " - ", " * ", " / ", " ** ", "**", "//", "%", " @ ", " and ", " < ", ", ", " if ")
+OPERATORS = st.sampled_from(
+    (
+        " + ",
+        " - ",
+        " * ",
+        " / ",
+        " ** ",
+        "**",
+        "//",
+        "%",
+        " @ ",
+        " and ",
+        " < ",
+        ", ",
+        " if ",
     )
-    calls = st.tuples(st.sampled_from((*PYTHON, "abs", "speed")), st.lists(part, max_size=3))
+)
+CALLED = st.sampled_from((*PYTHON, "abs", "speed"))
+
+
+def _call(function: str, arguments: list[str]) -> str:
+    return f"{function}({', '.join(arguments)})"
+
+
+def _negated(part: str, times: int) -> str:
+    return "-" * times + part
+
+
+def _summed(part: str, times: int) -> str:
+    times = min(times, 20_000 // len(part))
+    return " + ".join([part] * times)
+
+
+def _in_parentheses(part: str, depth: int) -> str:
+    return "(" * depth + part + ")" * depth
+
+
+def _larger(part: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
+    """Return formulas that hold a formula; some are long or deep."""
     return st.one_of(
-        st.tuples(part, operators, part).map("".join),
+        st.tuples(part, OPERATORS, part).map("".join),
         part.map("({})".format),
         part.map("-{}".format),
         part.map("+{}".format),
-        calls.map(lambda call: f"{call[0]}({', '.join(call[1])})"),
-        st.tuples(part, st.integers(1, 3000)).map(lambda pair: f"{'-' * pair[1]}{pair[0]}"),
-        st.tuples(part, st.integers(1, 3000)).map(
-            lambda pair: " + ".join([pair[0]] * min(pair[1], 20_000 // len(pair[0])))
-        ),
-        st.tuples(part, st.integers(1, 300)).map(
-            lambda pair: f"{'(' * pair[1]}{pair[0]}{')' * pair[1]}"
-        ),
+        st.builds(_call, CALLED, st.lists(part, max_size=3)),
+        st.builds(_negated, part, st.integers(1, 3000)),
+        st.builds(_summed, part, st.integers(1, 3000)),
+        st.builds(_in_parentheses, part, st.integers(1, 300)),
     )
 
 

@@ -14,6 +14,7 @@ from pydantic import ValidationError
 
 from tests.soundness.acting import SEEDS, action, assert_sound, tried
 from tests.soundness.scenarios import FIELDS, reconciled, values
+from tests.turning_env.playing import assert_same_answers
 from turning_env import RoughTurningEnv, RoughTurningVectorEnv, Scenario
 
 ADDRESSES = {".".join(path) for path in FIELDS} | {path[-1] for path in FIELDS}
@@ -21,7 +22,7 @@ ADDRESSES = {".".join(path) for path in FIELDS} | {path[-1] for path in FIELDS}
 
 
 def play_and_check(data: st.DataObject, scenario: Scenario, seed: int) -> None:
-    """A few intervals, across episodes' ends."""
+    """Take a few steps, across the ends of episodes, and check what each returns."""
     env = RoughTurningEnv(scenario)
     observation, info = env.reset(seed=seed)
     assert_sound(env, observation, 0.0, info)
@@ -59,47 +60,54 @@ def test_an_action_that_is_not_finite_is_refused_by_environment_and_nothing_move
 ) -> None:
     envs = RoughTurningVectorEnv(num_envs)
     envs.reset(seed=1)
+    untouched = copy.deepcopy(envs)
+    env_index = data.draw(st.integers(0, num_envs - 1))
+    entry = data.draw(st.integers(0, 1))
     good = np.zeros((num_envs, 2))
-    bad, place = good.copy(), data.draw(st.tuples(st.integers(0, num_envs - 1), st.integers(0, 1)))
-    bad[place] = unfit
-    other = copy.deepcopy(envs)
-    with pytest.raises(ValueError, match=f"environment {place[0]} must be finite"):
+    bad = good.copy()
+    bad[env_index, entry] = unfit
+    with pytest.raises(ValueError, match=f"environment {env_index} must be finite"):
         envs.step(bad)
-    for ours, theirs in zip(envs.step(good)[:4], other.step(good)[:4], strict=True):
-        assert ours.tobytes() == theirs.tobytes()
+    assert_same_answers(envs.step(good), untouched.step(good))
 
 
-@pytest.mark.parametrize(
-    "unfit",
-    [
-        None,
-        "ab",
-        {"speed": 1.0, "feed": 1.0},
-        0.0,
-        [0.0, 0.0, 0.0],
-        [0.0, [0.0]],
-        [True, False],
-        [1j, 0.0],
-        ["0", "0"],
-        [2**70, 0],
-        [decimal.Decimal(0), 0],
-        np.zeros(2, "datetime64[s]"),
-        iter([0.0, 0.0]),
-        np.longdouble([1.0, 1.0]) * np.longdouble(2) ** 5_000,
-    ],
-    ids=lambda unfit: repr(unfit)[:30].split(" object")[0],
-)
-def test_what_is_no_action_is_refused_and_nothing_moves(unfit: object) -> None:
-    env, envs = RoughTurningEnv(), RoughTurningVectorEnv(2)
+NO_ACTIONS = [
+    pytest.param(None, id="None"),
+    pytest.param("ab", id="text"),
+    pytest.param({"speed": 1.0, "feed": 1.0}, id="dict"),
+    pytest.param(0.0, id="number"),
+    pytest.param([0.0, 0.0, 0.0], id="three numbers"),
+    pytest.param([0.0, [0.0]], id="ragged"),
+    pytest.param([True, False], id="truth values"),
+    pytest.param([1j, 0.0], id="complex"),
+    pytest.param(["0", "0"], id="digits"),
+    pytest.param([2**70, 0], id="huge integer"),
+    pytest.param([decimal.Decimal(0), 0], id="decimal"),
+    pytest.param(np.zeros(2, "datetime64[s]"), id="times"),
+    pytest.param((number for number in (0.0, 0.0)), id="generator"),
+    pytest.param(np.longdouble([1.0, 1.0]) * np.longdouble(2) ** 5_000, id="beyond float64"),
+]
+
+
+@pytest.mark.parametrize("unfit", NO_ACTIONS)
+def test_a_malformed_action_is_refused_and_nothing_moves(unfit: object) -> None:
+    env = RoughTurningEnv()
     env.reset(seed=1)
-    envs.reset(seed=1)
+    untouched = copy.deepcopy(env)
     with pytest.raises(ValueError, match="an action must be 2 finite numbers, got "):
         env.step(unfit)
-    with pytest.raises(
-        ValueError,
-        match=r"actions must (be numbers of|have) shape \(2, 2\)|environment 0 must be finite",
-    ):
+    observation, *_ = env.step(np.zeros(2))
+    expected, *_ = untouched.step(np.zeros(2))
+    assert observation.tobytes() == expected.tobytes()
+
+
+@pytest.mark.parametrize("unfit", NO_ACTIONS)
+def test_malformed_actions_of_a_batch_are_refused_and_nothing_moves(unfit: object) -> None:
+    envs = RoughTurningVectorEnv(2)
+    envs.reset(seed=1)
+    untouched = copy.deepcopy(envs)
+    complaint = r"actions must (be numbers of|have) shape \(2, 2\)|environment 0 must be finite"
+    with pytest.raises(ValueError, match=complaint):
         envs.step([unfit, unfit])
-    alone, _, _, _, _ = env.step(np.zeros(2))
-    beside, *_ = envs.step(np.zeros((2, 2)))
-    assert alone.tobytes() == beside[0].tobytes()
+    good = np.zeros((2, 2))
+    assert_same_answers(envs.step(good), untouched.step(good))

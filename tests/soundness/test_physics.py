@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -20,18 +20,50 @@ FACTORS = st.floats(-1.0, 1.0)
 ACTIONS = st.lists(st.tuples(FACTORS, FACTORS), min_size=1, max_size=6)
 
 
-def intervals(
-    data: st.DataObject, scenario: Scenario, seed: int
-) -> list[tuple[float, dict[str, Any]]]:
-    """Reward and info of a few intervals of one episode, the reset's first."""
+class Step(NamedTuple):
+    """What a step returns; of a reset, the reward is 0."""
+
+    reward: float
+    info: dict[str, Any]
+
+
+def first_steps(data: st.DataObject, scenario: Scenario, seed: int) -> list[Step]:
+    """Return the reset of an episode and its first steps."""
     env = RoughTurningEnv(scenario)
-    told: list[tuple[float, dict[str, Any]]] = [(0.0, env.reset(seed=seed)[1])]
+    _, info = env.reset(seed=seed)
+    steps = [Step(0.0, info)]
     for chosen in data.draw(st.lists(action(scenario), min_size=1, max_size=8)):
         _, reward, terminated, truncated, info = env.step(chosen)
-        told.append((reward, info))
+        steps.append(Step(reward, info))
         if terminated or truncated:
             break
-    return told
+    return steps
+
+
+def assert_info_adds_up(step: Step, scenario: Scenario) -> None:
+    """Assert that the reward is the sum of its terms, and that power, torque and speed agree."""
+    info = step.info
+    terms = [info[f"reward_{term}"] for term in TERMS]
+    largest_term = max(map(abs, terms))
+    assert step.reward == pytest.approx(math.fsum(terms), rel=0, abs=1e-12 * largest_term)
+
+    speed = info["spindle_speed"]
+    torque = 30_000.0 * info["power"] / (math.pi * speed)
+    circumference = math.pi * scenario.workpiece.diameter / 1000.0  # [m]
+    assert info["torque"] == pytest.approx(torque, rel=1e-12)
+    assert speed == pytest.approx(info["cutting_speed"] / circumference, rel=1e-12)
+    assert info["feed_velocity"] == pytest.approx(speed * info["feed"], rel=1e-12)
+    assert info["cost"] == info["cost_force"] + info["cost_power"]
+    assert info["removed"] >= 0.0
+
+
+def assert_no_part_exceeds_its_whole(info: dict[str, Any]) -> None:
+    """Assert the order of the times of a step but for rounding."""
+    engaged_time = info["engaged_time"]
+    moving_time = info["time"] - info["stopped_time"]
+    assert 0.0 <= info["severe_overload_time"] <= info["overload_time"]
+    assert info["overload_time"] <= engaged_time * (1 + 1e-9)
+    assert engaged_time <= moving_time * (1 + 1e-9) + 1e-12 * info["time"]
 
 
 @pytest.mark.slow
@@ -40,44 +72,20 @@ def intervals(
 def test_the_info_of_a_step_adds_up_and_wear_never_falls(
     data: st.DataObject, scenario: Scenario, seed: int
 ) -> None:
-    """The reward is the sum of its terms; power, torque and speed agree.
-
-    No share is more than its whole.
-    """
-    told = intervals(data, scenario, seed)
-    for number, (reward, info) in enumerate(told):
-        terms = [info[f"reward_{term}"] for term in TERMS]
-        assert reward == pytest.approx(math.fsum(terms), rel=0, abs=1e-12 * max(map(abs, terms)))
-        speed = info["spindle_speed"]
-        assert info["torque"] == pytest.approx(
-            30_000.0 * info["power"] / (math.pi * speed), rel=1e-12
-        )
-        assert speed == pytest.approx(
-            1000.0 * info["cutting_speed"] / (math.pi * scenario.workpiece.diameter), rel=1e-12
-        )
-        assert info["feed_velocity"] == pytest.approx(speed * info["feed"], rel=1e-12)
-        assert info["cost"] == info["cost_force"] + info["cost_power"]
-        assert (
-            0.0
-            <= info["severe_overload_time"]
-            <= info["overload_time"]
-            <= info["engaged_time"] * (1 + 1e-9)
-        )
-        assert (
-            info["engaged_time"]
-            <= (info["time"] - info["stopped_time"]) * (1 + 1e-9) + 1e-12 * info["time"]
-        )
-        assert info["removed"] >= 0.0
-        if number > 0:
-            paid = scenario.economics.reference_removal_rate * info["reward_metal"] / 60.0
-            assert paid == pytest.approx(info["removed"], rel=1e-12)
-            assert info["reward_time"] == -info["time"]
-    for (_, before), (_, after) in itertools.pairwise(told):
-        cut = after["engaged_time"] / 60.0 * (1 - 1e-9)
-        if (
-            scenario.control.edge_changes == "end"
-            or after["cutting_time"] >= before["cutting_time"] + cut
-        ):
+    steps = first_steps(data, scenario, seed)
+    for step in steps:
+        assert_info_adds_up(step, scenario)
+        assert_no_part_exceeds_its_whole(step.info)
+    for step in steps[1:]:
+        paid = scenario.economics.reference_removal_rate * step.info["reward_metal"] / 60.0
+        assert paid == pytest.approx(step.info["removed"], rel=1e-12)
+        assert step.info["reward_time"] == -step.info["time"]
+    for previous, step in itertools.pairwise(steps):
+        before = previous.info
+        after = step.info
+        engaged_minutes = after["engaged_time"] / 60.0 * (1 - 1e-9)
+        same_edge = after["cutting_time"] >= before["cutting_time"] + engaged_minutes
+        if scenario.control.edge_changes == "end" or same_edge:
             for name in ("wear", "used_life", "cutting_time"):
                 assert after[name] >= before[name], name
 
@@ -105,20 +113,19 @@ def test_removed_volume_is_the_allowance_over_the_way_cut(
         control={"sub_steps": sub_steps},
         tool={"edge_strength": 1e6},
     )
-    told = infos(scenario, actions, seed)
-    removed, cut = (
-        sum(info["removed"] for info in told),
-        max(told[-1]["path"] - scenario.workpiece.approach, 0.0),
-    )
-    steps = 20_000
-    places = (np.arange(steps) + 0.5) * cut / steps
+    workpiece = scenario.workpiece
+    steps = infos(scenario, actions, seed)
+    removed = sum(info["removed"] for info in steps)
+    length = max(steps[-1]["path"] - workpiece.approach, 0.0)  # [mm]
+    count = 20_000
+    places = (np.arange(count) + 0.5) * length / count
     _, depth = Fields(scenario).along((seed, 0), 0, places)
-    volume = math.pi * scenario.workpiece.diameter * depth.mean() * cut / 1000.0  # [cm3]
+    volume = math.pi * workpiece.diameter * depth.mean() * length / 1000.0  # [cm3]
     # The middle of a sub-step stands for all of it: the error is of second order in its length, 4
     # mm at most here.
-    correlated = scenario.workpiece.depth_correlation_length
-    step = cut / (sub_steps * len(actions))
-    assert removed == pytest.approx(volume, rel=1e-6 + 2.0 * along * min(step / correlated, 1.0))
+    sub_step = length / (sub_steps * len(actions))
+    tolerance = 2.0 * along * min(sub_step / workpiece.depth_correlation_length, 1.0)
+    assert removed == pytest.approx(volume, rel=1e-6 + tolerance)
 
 
 STEADY = changed(UNDISTURBED, control={"interval": 6.0}, tool={"wear_criterion": 5.0})
@@ -128,14 +135,19 @@ STEADY = changed(UNDISTURBED, control={"interval": 6.0}, tool={"wear_criterion":
 @tried(short=50, soak=10_000)
 @given(FACTORS, FACTORS, FACTORS, st.floats(0.05, 50.0), st.floats(0.0, 10.0))
 def test_more_feed_never_removes_less_metal_per_minute(
-    speed: float, one: float, other: float, depth: float, lag: float
+    speed: float, feed: float, other_feed: float, depth: float, lag: float
 ) -> None:
     scenario = changed(
-        STEADY, workpiece={"depth_of_cut": depth}, machine={"feed_time_constant": lag}
+        STEADY,
+        workpiece={"depth_of_cut": depth},
+        machine={"feed_time_constant": lag},
     )
-    rates = [infos(scenario, [(speed, feed)], 3)[0] for feed in sorted((one, other))]
-    less, more = (info["removed"] / info["time"] for info in rates)
-    assert less <= more * (1 + 1e-12)
+    low_feed, high_feed = sorted((feed, other_feed))
+    (slow,) = infos(scenario, [(speed, low_feed)], 3)
+    (fast,) = infos(scenario, [(speed, high_feed)], 3)
+    slow_rate = slow["removed"] / slow["time"]
+    fast_rate = fast["removed"] / fast["time"]
+    assert slow_rate <= fast_rate * (1 + 1e-12)
 
 
 @tried(short=50, soak=10_000)
@@ -147,13 +159,12 @@ def test_more_feed_never_removes_less_metal_per_minute(
     st.floats(0.1, 4.9),
 )
 def test_force_and_power_rise_with_wear_and_hardness(
-    speed: float, feed: float, what: str, one: float, other: float
+    speed: float, feed: float, quantity: str, value: float, other_value: float
 ) -> None:
-    told = [
-        infos(changed(STEADY, mismatch={what: value}), [(speed, feed)], 3)[0]
-        for value in sorted((one, other))
-    ]
-    less, more = told
+    low, high = sorted((value, other_value))
+    action = (speed, feed)
+    (less,) = infos(changed(STEADY, mismatch={quantity: low}), [action], 3)
+    (more,) = infos(changed(STEADY, mismatch={quantity: high}), [action], 3)
     for name in ("thrust_force", "power", "mean_thrust_force", "mean_power", "torque"):
         assert 0.0 < less[name] <= more[name] * (1 + 1e-12), name
 
@@ -180,16 +191,18 @@ def test_energy_impulse_and_used_life_do_not_depend_on_how_time_is_split(
 
     It adds up over one interval as over its pieces; so does wear.
     """
-    done = []
-    for parts in (1, pieces):
+
+    def sums(parts: int) -> dict[str, float]:
+        """Return what is done if each interval is split into parts of equal length."""
         control = {"interval": 6.0 / parts, "sub_steps": sub_steps * pieces // parts}
-        told = infos(
-            changed(VARIED, control=control),
-            [chosen for chosen in set_points for _ in range(parts)],
-            seed,
-        )
-        work = sum(info["mean_power"] * info["engaged_time"] for info in told)
-        impulse = sum(info["mean_thrust_force"] * info["engaged_time"] for info in told)
-        sums = [sum(info[name] for info in told) for name in ("engaged_time", "removed")]
-        done.append((work, impulse, *sums, told[-1]["used_life"]))
-    assert done[0] == pytest.approx(done[1], rel=1e-9, abs=1e-9)
+        actions = [set_point for set_point in set_points for _ in range(parts)]
+        steps = infos(changed(VARIED, control=control), actions, seed)
+        return {
+            "work": sum(info["mean_power"] * info["engaged_time"] for info in steps),
+            "impulse": sum(info["mean_thrust_force"] * info["engaged_time"] for info in steps),
+            "engaged_time": sum(info["engaged_time"] for info in steps),
+            "removed": sum(info["removed"] for info in steps),
+            "used_life": steps[-1]["used_life"],
+        }
+
+    assert sums(1) == pytest.approx(sums(pieces), rel=1e-9, abs=1e-9)
