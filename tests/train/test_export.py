@@ -165,7 +165,7 @@ def run_elsewhere() -> Run:
         "sb3",
         "RoughTurning-v0",
         scenario=SCENARIO,
-        seed=9,
+        steps=9,
         command="a command",
     )
 

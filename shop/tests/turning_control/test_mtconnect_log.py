@@ -4,6 +4,7 @@ import math
 import threading
 from collections.abc import Callable
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import pytest
 from turning_control.__main__ import main
@@ -16,7 +17,17 @@ from tests.walking import until
 from turning_env.console import UserError
 
 INTERVAL = 0.01
-AT_REST = {"sa": 0, "sc": 900, "sw": 0, "sl": 0, "pf": 0, "ex": "READY", "tn": 3, "fo": 100}
+# Observations of the data items of ``mtconnect_agent.py``, by their ids.
+AT_REST = {
+    "sa": 0,  # actual spindle speed
+    "sc": 900,  # commanded spindle speed
+    "sw": 0,  # spindle power
+    "sl": 0,  # spindle load
+    "pf": 0,  # path feed rate
+    "ex": "READY",  # execution
+    "tn": 3,  # tool number
+    "fo": 100,  # feed override
+}
 
 
 @pytest.fixture
@@ -32,7 +43,7 @@ def source(url: str, **parts: str) -> MTConnectSource:
 
 
 def times(count: int) -> Callable[[], bool]:
-    """Return what says yes a number of times."""
+    """Return a function that is true a number of times."""
     answers = iter([True] * count)
     return lambda: next(answers, False)
 
@@ -73,19 +84,28 @@ def test_a_lost_connection_loses_nothing_while_the_buffer_holds(
         logged = reconnecting(source(url), None, lambda: not stop.is_set(), pause=0.02)
         samples.extend(logged)
 
+    def requests_of_samples() -> int:
+        return sum("sample" in request for request in agent.requests)
+
     with serving(agent) as url:
-        port = int(url.rpartition(":")[2])
         thread = threading.Thread(target=log, args=(url,))
         thread.start()
-        until(lambda: any("sample" in request for request in agent.requests))
+        until(lambda: requests_of_samples() > 0)
+
+    # The connection is lost, and the agent's buffer holds what the machine does meanwhile.
     for second in range(1, 6):
         agent.observe(second, {"sl": 10 * second})
     agent.requests.clear()
+
+    # The agent is back at the same address.
+    port = urlsplit(url).port
+    assert port is not None
     with serving(agent, port):
-        until(lambda: any("sample" in request for request in agent.requests))
+        until(lambda: requests_of_samples() > 0)
         agent.observe(6.0, {"sl": 60})
         agent.requests.clear()
-        until(lambda: sum("sample" in request for request in agent.requests) > 2)
+        # The first request after the observation may have left before it.
+        until(lambda: requests_of_samples() > 2)
         stop.set()
         thread.join(10.0)
     assert [sample.spindle_load for sample in samples] == [0, 10, 20, 30, 40, 50, 60]

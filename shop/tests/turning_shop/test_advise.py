@@ -126,22 +126,37 @@ def test_dear_edges_cut_longer() -> None:
     assert minutes[0] < minutes[1]
 
 
-def test_values_that_no_file_states_are_named_and_their_limits_are_off(tmp_path: Path) -> None:
-    (tmp_path / "machine.toml").write_text("[limits]\npower = 9.0\n[workpiece]\ndiameter = 80.0\n")
-    (tmp_path / "priced.toml").write_text(
-        'base = "machine.toml"\n[economics]\nmachine_rate = 60.0\n'
-    )
-    scenario, evidence = load(tmp_path / "priced.toml")
+@pytest.fixture
+def priced(tmp_path: Path) -> Path:
+    """A scenario that states a power limit, a diameter and a price, in two files."""
+    machine = "[limits]\npower = 9.0\n[workpiece]\ndiameter = 80.0\n"
+    (tmp_path / "machine.toml").write_text(machine)
+    path = tmp_path / "priced.toml"
+    path.write_text('base = "machine.toml"\n[economics]\nmachine_rate = 60.0\n')
+    return path
+
+
+def test_limits_that_no_file_states_are_off(priced: Path) -> None:
+    scenario, _ = load(priced)
     assert scenario.limits.power == 9.0
     assert scenario.limits.thrust_force == 1e6
+
+
+def test_values_that_no_file_states_are_named(priced: Path) -> None:
+    _, evidence = load(priced)
     warnings = "\n".join(evidence.warnings)
     assert "limits.thrust_force is off" in warnings
     assert "workpiece.depth_of_cut 2.5" in warnings
     assert "workpiece.diameter" not in warnings
     assert "power: the law was not measured" in warnings
+
+
+def test_wear_that_was_not_measured_has_taylors_exponent(priced: Path) -> None:
+    scenario, _ = load(priced)
     wear = scenario.material.wear
-    preset = Scenario().material.wear
+    # Taylor's n of coated carbide; the wear at the preset's start stays as it is.
     assert wear.time / wear.cutting_speed == pytest.approx(0.25)
+    preset = Scenario().material.wear
     assert wear(125, 0.3, 2.5, time=10) == pytest.approx(preset(125, 0.3, 2.5, time=10))
 
 

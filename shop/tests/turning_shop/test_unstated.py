@@ -235,47 +235,105 @@ def test_the_strength_of_edges_bounds_programs_too(
     assert loads["strong.toml"] > 1.0
 
 
+@pytest.fixture(params=[0.4, 0.8], ids="radius {} mm".format)
+def nose_radius(request: pytest.FixtureRequest, folder: Path) -> float:
+    """A nose radius [mm], which ``nose.toml`` states."""
+    radius: float = request.param
+    text = f'base = "tool.toml"\n[tool]\nnose_radius = {radius}\n'
+    (folder / "nose.toml").write_text(text)
+    return radius
+
+
+def words_of_nose_radius(source: str, radius: float) -> list[str]:
+    """Return the words that state a nose radius [mm]: by a file or by an option."""
+    if source == "file":
+        return ["nose.toml"]
+    return ["tool.toml", "--nose-radius", str(radius)]
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("radius", [0.4, 0.8])
-def test_the_nose_radius_limits_the_feed_of_every_command(
-    folder: Path, radius: float, monkeypatch: pytest.MonkeyPatch, capsys
+@pytest.mark.parametrize("source", ["file", "option"])
+def test_the_nose_radius_limits_the_feed_of_advice(
+    folder: Path, nose_radius: float, source: str, monkeypatch: pytest.MonkeyPatch, capsys
 ) -> None:
     monkeypatch.chdir(folder)
-    Path("nose.toml").write_text(f'base = "tool.toml"\n[tool]\nnose_radius = {radius}\n')
-    for words in (["nose.toml"], ["tool.toml", "--nose-radius", str(radius)]):
-        capsys.readouterr()
-        assert main(["advise", *words, "--seeds", "0", "--json"]) == 0
-        printed = capsys.readouterr()
-        result = json.loads(printed.out)
-        assert result["advice"]
-        for advice in result["advice"]:
-            assert advice["feed"] <= radius / 2
-        assert any("tool.nose_radius" in bound["limit"] for bound in result["advice"][0]["bounds"])
-        assert not any("needs a nose radius" in line for line in result["headline"])
-        feed = f"{radius / 2 + 0.01:g}"
-        settings = ["--cutting-speed", "150", "--feed", feed, "--wear", "0.1"]
-        assert main(["whatif", *words, *settings]) == 0
-        assert "nose_radius" in capsys.readouterr().err
-    scenario = load("nose.toml")[0]
-    assert feed_range(scenario) == (0.1, radius / 2)
+    words = words_of_nose_radius(source, nose_radius)
+    capsys.readouterr()
+    assert main(["advise", *words, "--seeds", "0", "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert result["advice"]
+    for advice in result["advice"]:
+        assert advice["feed"] <= nose_radius / 2
+    limits = [bound["limit"] for bound in result["advice"][0]["bounds"]]
+    assert any("tool.nose_radius" in limit for limit in limits)
+    assert not any("needs a nose radius" in line for line in result["headline"])
+
+
+@pytest.mark.parametrize("source", ["file", "option"])
+def test_a_feed_above_half_the_nose_radius_is_noted(
+    folder: Path, nose_radius: float, source: str, monkeypatch: pytest.MonkeyPatch, capsys
+) -> None:
+    monkeypatch.chdir(folder)
+    words = words_of_nose_radius(source, nose_radius)
+    feed = f"{nose_radius / 2 + 0.01:g}"
+    settings = ["--cutting-speed", "150", "--feed", feed, "--wear", "0.1"]
+    assert main(["whatif", *words, *settings]) == 0
+    assert "nose_radius" in capsys.readouterr().err
+
+
+def test_the_range_of_feeds_ends_at_half_the_nose_radius(folder: Path, nose_radius: float) -> None:
+    scenario, _ = load(folder / "nose.toml")
+    assert feed_range(scenario) == (0.1, nose_radius / 2)
+
+
+def test_a_nose_radius_that_allows_no_feed_is_refused(folder: Path) -> None:
+    scenario, _ = load(folder / "tool.toml", nose_radius=0.1)
+    with pytest.raises(WorkshopError, match=r"tool\.nose_radius"):
+        feed_range(scenario)
+
+
+@pytest.mark.slow
+def test_advice_names_the_nose_radius_that_its_feed_needs(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys
+) -> None:
+    monkeypatch.chdir(folder)
     assert main(["advise", "tool.toml", "--seeds", "0"]) == 0
     assert "needs a nose radius of 0.9 mm or more" in capsys.readouterr().out
-    with pytest.raises(WorkshopError, match=r"tool\.nose_radius"):
-        feed_range(load("tool.toml", nose_radius=0.1)[0])
 
 
 @pytest.mark.parametrize(
     ("machine", "speed", "feed"),
     [
-        ("cutting_speed_min = 220.0\ncutting_speed_max = 500.0\n", 220.0, 0.25),
-        ("cutting_speed_min = 20.0\ncutting_speed_max = 80.0\n", 80.0, 0.25),
-        ("feed_min = 0.3\nfeed_max = 0.9\n", 125.0, 0.3),
-        ("feed_min = 0.05\nfeed_max = 0.2\n[spindle]\nmax_speed = 300.0\n", 94.2478, 0.2),
+        pytest.param(
+            "cutting_speed_min = 220.0\ncutting_speed_max = 500.0\n",
+            220.0,
+            0.25,
+            id="fast",
+        ),
+        pytest.param(
+            "cutting_speed_min = 20.0\ncutting_speed_max = 80.0\n",
+            80.0,
+            0.25,
+            id="slow",
+        ),
+        pytest.param(
+            "feed_min = 0.3\nfeed_max = 0.9\n",
+            125.0,
+            0.3,
+            id="high feeds",
+        ),
+        pytest.param(
+            "feed_min = 0.05\nfeed_max = 0.2\n[spindle]\nmax_speed = 300.0\n",
+            94.2478,
+            0.2,
+            id="low feeds and slow spindle",
+        ),
     ],
 )
 def test_a_machines_range_alone_is_enough(
     tmp_path: Path, machine: str, speed: float, feed: float
 ) -> None:
+    """The start moves to the nearest speed [m/min] and feed [mm/rev] of the machine."""
     (tmp_path / "machine.toml").write_text(f'base = "rough_turning"\n[machine]\n{machine}')
     (tmp_path / "tool.toml").write_text('base = "machine.toml"\n[tool]\nwear_criterion = 0.25\n')
     for name in ("machine.toml", "tool.toml"):

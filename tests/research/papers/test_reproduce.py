@@ -3,6 +3,7 @@
 import math
 import re
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -28,44 +29,73 @@ from research.papers.reproduce.part_programming import (
 ROOT = Path(__file__).parents[3]
 
 
-def check_pages(paper: Paper, checks: list[Check]) -> None:
-    """Assert that the pages of the site state what the checks say."""
-    items = (ROOT / "research" / "papers" / "items.md").read_text("utf-8").splitlines()
-    printed = list(markdown([(paper, checks)]))
-    assert [line for line in printed if line not in items] == []
-    summary = printed[: printed.index("")]
-    page = (ROOT / "docs" / "papers.md").read_text("utf-8").splitlines()
-    assert [line for line in summary if line not in page] == []
+class Checked(NamedTuple):
+    """A paper and its checks."""
 
-    figures = (ROOT / "docs" / "figures" / "README.md").read_text("utf-8")
-    for item in paper.items:
-        if item.figure:
-            caption, *remarks = item.description(checks)
-            heading = f"## {item.figure}\n\n![{item.figure}]({item.figure}.png)"
-            listed = "".join(f"* {remark}\n" for remark in remarks)
-            assert f"{heading}\n\n{caption}\n\n{listed}" in figures
+    paper: Paper
+    checks: list[Check]
+
+
+@pytest.fixture(scope="module", params=PAPERS, ids=lambda paper: paper.page)
+def checked(request: pytest.FixtureRequest) -> Checked:
+    """A paper with its checks, which take seconds to compute."""
+    return Checked(request.param, request.param.checks())
+
+
+def lines_of(*path: str) -> list[str]:
+    """Return the lines of a file of the project."""
+    return ROOT.joinpath(*path).read_text("utf-8").splitlines()
+
+
+# Rows and columns of the tables of numbers, all of which are checked.
+TABLE_SIZES = {"grid_search": {"Table 1": 16 * 5, "Table 2": 16 * 8}}
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("paper", PAPERS, ids=lambda paper: paper.page)
-def test_every_check_of_a_paper_passes_and_is_on_the_pages(paper: Paper) -> None:
-    checks = paper.checks()
-    assert checks
-    patterns = [item.pattern for item in paper.items if item.pattern]
-    for check in checks:
+def test_every_check_of_a_paper_passes_and_no_number_is_left_out(checked: Checked) -> None:
+    assert checked.checks
+    for check in checked.checks:
         assert check.passed, check
+    for table, size in TABLE_SIZES.get(checked.paper.page, {}).items():
+        of_table = [check for check in checked.checks if check.what.startswith(table)]
+        assert len(of_table) == size
+
+
+@pytest.mark.slow
+def test_every_check_belongs_to_an_item(checked: Checked) -> None:
+    patterns = [item.pattern for item in checked.paper.items if item.pattern]
+    for check in checked.checks:
         has_item = any(re.match(pattern, check.what) for pattern in patterns)
         assert has_item, f"{check.what} belongs to no item"
 
-    sources = {check.constructed for check in checks}
+
+@pytest.mark.slow
+def test_every_input_of_the_project_is_a_check(checked: Checked) -> None:
+    sources = {check.constructed for check in checked.checks}
     for row in rows("by_construction.csv"):
-        if row["page"] == paper.page:
+        if row["page"] == checked.paper.page:
             assert row["source"] in sources, f"{row['pattern']} is no check"
 
-    if paper.page == "grid_search":
-        assert sum(check.what.startswith("Table 1") for check in checks) == 16 * 5
-        assert sum(check.what.startswith("Table 2") for check in checks) == 16 * 8
-    check_pages(paper, checks)
+
+@pytest.mark.slow
+def test_the_pages_state_the_checks(checked: Checked) -> None:
+    printed = list(markdown([checked]))
+    items = lines_of("research", "papers", "items.md")
+    assert [line for line in printed if line not in items] == []
+    summary = printed[: printed.index("")]
+    page = lines_of("docs", "papers.md")
+    assert [line for line in summary if line not in page] == []
+
+
+@pytest.mark.slow
+def test_the_captions_of_figures_state_the_checks(checked: Checked) -> None:
+    figures = (ROOT / "docs" / "figures" / "README.md").read_text("utf-8")
+    for item in checked.paper.items:
+        if item.figure:
+            caption, *remarks = item.description(checked.checks)
+            heading = f"## {item.figure}\n\n![{item.figure}]({item.figure}.png)"
+            listed = "".join(f"* {remark}\n" for remark in remarks)
+            assert f"{heading}\n\n{caption}\n\n{listed}" in figures
 
 
 ITEMS = [
@@ -88,35 +118,69 @@ def test_every_figure_belongs_to_an_item() -> None:
     assert drawn == FIGURES.keys()
 
 
-@pytest.mark.parametrize(
-    ("check", "verdict"),
-    [
-        pytest.param(Check("figure", 1.0, 1.05, 0.1), "agrees", id="within tolerance"),
-        pytest.param(Check("figure", 1.0, math.nan, 0.1), "MISMATCH", id="NaN"),
-        pytest.param(at_least("figure", 1.0, 1.0), "agrees", id="least itself"),
-        pytest.param(at_least("figure", 1.0, 0.9), "MISMATCH", id="below least"),
-        pytest.param(at_most("figure", 1.0, math.nan), "MISMATCH", id="NaN, at most"),
-        pytest.param(claim("claim", False), "MISMATCH", id="false"),
-        pytest.param(
-            claim("claim", False, not_reproduced="reason"), "not reproduced", id="known to be false"
-        ),
-        pytest.param(
-            claim("claim", True, not_reproduced="reason"), "REASON OUT OF DATE", id="true after all"
-        ),
-        pytest.param(
-            Check("figure", 1.0, 1.0, constructed="reason"),
-            "consistent by construction",
-            id="input of the project",
-        ),
-        pytest.param(
-            Check("figure", 1.0, 1.1, constructed="reason"), "MISMATCH", id="input that differs"
-        ),
-    ],
-)
-def test_verdicts_and_exit_status(
+VERDICTS = [
+    pytest.param(
+        Check("figure", paper=1.0, ours=1.05, tolerance=0.1),
+        "agrees",
+        id="within tolerance",
+    ),
+    pytest.param(
+        Check("figure", paper=1.0, ours=math.nan, tolerance=0.1),
+        "MISMATCH",
+        id="NaN",
+    ),
+    pytest.param(
+        at_least("figure", 1.0, ours=1.0),
+        "agrees",
+        id="least itself",
+    ),
+    pytest.param(
+        at_least("figure", 1.0, ours=0.9),
+        "MISMATCH",
+        id="below least",
+    ),
+    pytest.param(
+        at_most("figure", 1.0, ours=math.nan),
+        "MISMATCH",
+        id="NaN, at most",
+    ),
+    pytest.param(
+        claim("claim", False),
+        "MISMATCH",
+        id="false",
+    ),
+    pytest.param(
+        claim("claim", False, not_reproduced="reason"),
+        "not reproduced",
+        id="known to be false",
+    ),
+    pytest.param(
+        claim("claim", True, not_reproduced="reason"),
+        "REASON OUT OF DATE",
+        id="true after all",
+    ),
+    pytest.param(
+        Check("figure", paper=1.0, ours=1.0, constructed="reason"),
+        "consistent by construction",
+        id="input of the project",
+    ),
+    pytest.param(
+        Check("figure", paper=1.0, ours=1.1, constructed="reason"),
+        "MISMATCH",
+        id="input that differs",
+    ),
+]
+
+
+@pytest.mark.parametrize(("check", "verdict"), VERDICTS)
+def test_a_check_has_a_verdict(check: Check, verdict: str) -> None:
+    assert check.verdict == verdict
+
+
+@pytest.mark.parametrize(("check", "verdict"), VERDICTS)
+def test_the_command_prints_verdicts_and_fails_if_one_is_bad(
     check: Check, verdict: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert check.verdict == verdict
     paper = Paper("a paper", compare=lambda: iter([check]), tables=lambda: iter(["the table"]))
     expected_status = 0 if verdict in PASSED else 1
     assert reproduce([paper], text) == expected_status
@@ -124,14 +188,17 @@ def test_verdicts_and_exit_status(
     assert "the table" in printed
     assert verdict in printed
     assert check.reason in printed
-    assert f"All papers: agrees {int(verdict == 'agrees')}" in printed
-    assert f"{verdict} 1" in printed.splitlines()[-2]
+    agreeing = int(verdict == "agrees")
+    assert f"All papers: agrees {agreeing}" in printed
+    total = printed.splitlines()[-2]
+    assert f"{verdict} 1" in total
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("rule", TWO_LIMITS)
 def test_measuring_gains_nothing_where_blanks_are_equal_and_never_loses(rule: str) -> None:
-    assert gain(rule, Blank("equal", "test", 5.0, 0.0)) == pytest.approx(0.0, abs=1e-9)
+    equal = Blank("equal", "test", 5.0, 0.0)
+    assert gain(rule, equal) == pytest.approx(0.0, abs=1e-9)
     gains = [gain(rule, blank) for blank in part_programming.blanks()]
     assert min(gains) > -1e-9
 

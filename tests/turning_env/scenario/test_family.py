@@ -135,24 +135,39 @@ def test_a_family_is_the_same_from_a_dict_and_a_file(tmp_path):
     assert Family.load(path).name == "mine"
 
 
-def test_a_twin_that_observes_all_has_the_same_jobs_and_shows_the_true_laws():
-    twin = Family.load(
-        UNMODELLED.model_dump(exclude_none=True)
-        | {"fields": UNMODELLED.fields | {"sensors.observes_all": True}}
-    )
-    job = twin.job(5)
-    plain = UNMODELLED.job(5)
-    twin_fields = flat(job.scenario.model_dump())
-    plain_fields = flat(plain.scenario.model_dump())
+@pytest.fixture
+def twin():
+    """The family `unmodelled`, in which the state and the true laws are observed."""
+    fields = UNMODELLED.fields | {"sensors.observes_all": True}
+    return Family.load(UNMODELLED.model_dump(exclude_none=True) | {"fields": fields})
+
+
+def test_a_twin_that_observes_all_has_the_same_jobs(twin):
+    twin_fields = flat(twin.job(5).scenario.model_dump())
+    plain_fields = flat(UNMODELLED.job(5).scenario.model_dump())
     differing = {name for name, value in twin_fields.items() if value != plain_fields[name]}
     assert differing == {"sensors.observes_all"}
-    assert job.context[: len(plain.context)] == pytest.approx(plain.context)
 
-    # The laws are told as those of the nominal model, and hidden forms by their fields.
+
+def test_the_context_of_a_twin_begins_with_that_of_the_family(twin):
+    context = twin.job(5).context
+    plain_context = UNMODELLED.job(5).context
+    assert len(context) > len(plain_context)
+    assert context[: len(plain_context)] == pytest.approx(plain_context)
+
+
+def test_a_twin_that_observes_all_shows_the_true_laws_and_forms(twin):
+    job = twin.job(5)
+    numbers = job.numbers
+    # Laws are shown beside those of the nominal model, and hidden forms by their fields.
     exponent = "thrust_force_feed_exponent"
-    assert job.numbers[exponent] == job.scenario.nominal().material.thrust_force.feed
-    assert job.numbers[f"true_{exponent}"] == job.scenario.material.thrust_force.feed
-    assert job.numbers["true_machine.chatter"] == job.scenario.machine.chatter
+    assert numbers[exponent] == job.scenario.nominal().material.thrust_force.feed
+    assert numbers[f"true_{exponent}"] == job.scenario.material.thrust_force.feed
+    assert numbers["true_machine.chatter"] == job.scenario.machine.chatter
+
+
+def test_the_context_of_a_twin_follows_from_its_scenario_and_numbers(twin):
+    job = twin.job(5)
     shown = {name: job.numbers[name] for name in twin.shown}
     assert twin.context_of(job.scenario, shown) == pytest.approx(job.context)
 

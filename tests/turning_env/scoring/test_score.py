@@ -179,6 +179,7 @@ def test_a_file_that_ships_reaches_the_return_that_ships() -> None:
 @pytest.mark.parametrize("family", sorted({*families()} - {*DRAFTS}))
 def test_a_family_is_scored_on_unseen_jobs(family: str) -> None:
     """Observations hold the nominal model's numbers; `idle` gets the return that ships."""
+    # It does the same on all tasks whose actions are those of a family, such as `shift`.
     idle = spec("idle", Scenario.load("shift")).make(3)
     shapes = set()
 
@@ -188,7 +189,8 @@ def test_a_family_is_scored_on_unseen_jobs(family: str) -> None:
 
     played = score(act, FAMILY_ID, seeds=3, family=family)
     space = gymnasium.make(FAMILY_ID, family=family).observation_space
-    assert shapes == {(3, *space.shape)}  # type: ignore[misc]
+    assert space.shape is not None
+    assert shapes == {(3, *space.shape)}
     result = named("idle", shipped(f"{FAMILY_ID}-{family}"))
     np.testing.assert_allclose(played.episodes["return"], result.returns[0, :3], atol=0.01)
 
