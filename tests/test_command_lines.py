@@ -507,10 +507,11 @@ class ParsedError(Exception):
 
 def main_of(module: str) -> Callable[[list[str]], int]:
     """Return the function behind ``python -m module``."""
-    found = importlib.import_module(module)
-    main: Callable[[list[str]], int] = (
-        importlib.import_module(f"{module}.__main__") if hasattr(found, "__path__") else found
-    ).main
+    program = importlib.import_module(module)
+    is_package = hasattr(program, "__path__")
+    if is_package:
+        program = importlib.import_module(f"{module}.__main__")
+    main: Callable[[list[str]], int] = program.main
     return main
 
 
@@ -543,15 +544,15 @@ def parse(monkeypatch: pytest.MonkeyPatch) -> Callable[[list[str]], None]:
 
 def test_every_command_is_among_these() -> None:
     folders = dict.fromkeys(PACKAGES, ROOT) | dict.fromkeys(SHOP, ROOT / "shop")
-    found = set()
+    modules = set()
     for package, folder in folders.items():
         for path in (folder / package).rglob("*.py"):
             if re.search(r"^if __name__ ==", path.read_text("utf-8"), re.MULTILINE):
                 module = ".".join(path.relative_to(folder).with_suffix("").parts)
-                found.add(module.removesuffix(".__main__"))
+                modules.add(module.removesuffix(".__main__"))
     # These run before anything is installed, or where nothing else is.
-    found -= {"tools.density", "tools.requirements"}
-    assert found == {command.split()[0] for command in COMMANDS}
+    modules -= {"tools.density", "tools.requirements"}
+    assert modules == {command.split()[0] for command in COMMANDS}
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -559,17 +560,20 @@ def test_help_shows_examples_that_parse(
     command: str, capsys, parse: Callable[[list[str]], None]
 ) -> None:
     assert status_of(command, ["--help"]) == 0
-    _, title, shown = re.split(
-        r"^(examples?):$", capsys.readouterr().out, maxsplit=1, flags=re.MULTILINE
-    )
-    lines = shown.replace("\\\n", " ").splitlines()
-    examples = [shlex.split(line) for line in lines if line.startswith("  python -m ")]
-    words = command.split()
-    assert len([each for each in examples if each[2 : 2 + len(words)] == words]) >= (
-        1 if title == "example" else 2
-    )
-    for example in examples:
-        parse(example[2:])
+    printed = capsys.readouterr().out
+    _, title, text = re.split(r"^(examples?):$", printed, maxsplit=1, flags=re.MULTILINE)
+    examples = []
+    for line in text.replace("\\\n", " ").splitlines():
+        if line.startswith("  python -m "):
+            _, _, *words = shlex.split(line)
+            examples.append(words)
+    words_of_command = command.split()
+    length = len(words_of_command)
+    of_command = [words for words in examples if words[:length] == words_of_command]
+    min_examples = 1 if title == "example" else 2
+    assert len(of_command) >= min_examples
+    for words in examples:
+        parse(words)
 
 
 @pytest.mark.slow

@@ -27,30 +27,33 @@ REFUSED = re.compile(
 """Licences that must not be named beside an allowed one."""
 
 
-def licence_of(found: Distribution) -> str:
+# Texts in place of a licence that name none.
+NO_LICENCES = ("", "OSI Approved", "DFSG approved", "UNKNOWN")
+
+
+def licence_of(distribution: Distribution) -> str:
     """Return the licence that a distribution states, or the heads of its licence files; or ""."""
-    data = found.metadata
-    classified = [
-        text.rpartition(" :: ")[2]
-        for text in data.get_all("Classifier") or []
-        if text.startswith("License ::")
-    ]
-    expression, said = (
-        (data.get_all(name) or [""])[0] for name in ("License-Expression", "License")
-    )
-    files = data.get_all("License-File") or []
-    heads = [
-        (found.read_text(f"licenses/{name}") or "").strip().partition("\n")[0] for name in files
-    ]
-    stated = (expression, *classified, said.strip().partition("\n")[0], ", ".join(heads))
-    return next(
-        (
-            text
-            for text in stated
-            if text and text not in ("OSI Approved", "DFSG approved", "UNKNOWN")
-        ),
-        "",
-    )
+    metadata = distribution.metadata
+    stated = [_first(metadata.get_all("License-Expression"))]
+    for classifier in metadata.get_all("Classifier") or []:
+        if classifier.startswith("License ::"):
+            stated.append(classifier.rpartition(" :: ")[2])
+    stated.append(_head(_first(metadata.get_all("License"))))
+    heads = []
+    for name in metadata.get_all("License-File") or []:
+        heads.append(_head(distribution.read_text(f"licenses/{name}") or ""))
+    stated.append(", ".join(heads))
+    named = [text for text in stated if text not in NO_LICENCES]
+    return _first(named)
+
+
+def _first(texts: Sequence[str] | None) -> str:
+    return texts[0] if texts else ""
+
+
+def _head(text: str) -> str:
+    """Return the first line of a text that is not empty."""
+    return text.strip().partition("\n")[0]
 
 
 def pinned(constraints: str) -> dict[str, str]:
@@ -60,34 +63,31 @@ def pinned(constraints: str) -> dict[str, str]:
 
 def complaints(installed: Iterable[Distribution], pins: dict[str, str]) -> list[str]:
     """Print the licence of each distribution, and return the faults of licences and versions."""
+    by_name = {}
+    for distribution in installed:
+        name = re.sub(r"[-_.]+", "-", distribution.name).lower()
+        by_name[name] = distribution
     wrong = []
-    for name, found in sorted(
-        {re.sub(r"[-_.]+", "-", each.name).lower(): each for each in installed}.items()
-    ):
-        licence, version = (
-            licence_of(found),
-            found.version.partition("+")[0],
-        )  # without the build, as in torch's 2.13.0+cpu
-        print(f"{name} {found.version}: {licence or 'states no licence'}")
+    for name, distribution in sorted(by_name.items()):
+        licence = licence_of(distribution)
+        # Without the build, as in torch's 2.13.0+cpu.
+        version = distribution.version.partition("+")[0]
+        print(f"{name} {distribution.version}: {licence or 'states no licence'}")
         if not ALLOWED.search(licence) or REFUSED.search(licence):
             wrong.append(f"{name}: its licence, {licence!r}, is not one of the allowed")
         if name != "rough-turning" and version != pins.get(name):
-            wrong.append(
-                f"{name} is {version}, but "
-                + (f"pinned to {pins[name]}" if name in pins else "not pinned")
-            )
+            pin = f"pinned to {pins[name]}" if name in pins else "not pinned"
+            wrong.append(f"{name} is {version}, but {pin}")
     return wrong
 
 
 @exits(checks=True)
 def main(arguments: Sequence[str] | None = None) -> int:
     """Audit and print; return the exit status."""
-    argparse.ArgumentParser(prog="python -m tools.audit", **described(__doc__)).parse_args(
-        arguments
-    )
-    wrong = complaints(
-        distributions(), pinned(Path("packaging/constraints.txt").read_text("utf-8"))
-    )
+    parser = argparse.ArgumentParser(prog="python -m tools.audit", **described(__doc__))
+    parser.parse_args(arguments)
+    constraints = Path("packaging/constraints.txt").read_text("utf-8")
+    wrong = complaints(distributions(), pinned(constraints))
     print(*wrong, sep="\n")
     return 1 if wrong else 0
 

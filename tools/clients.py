@@ -63,7 +63,8 @@ def attempt(library: str, wheel: Path, folder: Path) -> tuple[list[str], str | N
     Returns:
         The versions of the library and of Gymnasium, and the failure, if any.
     """
-    client, python = CLIENTS[library], new_python(folder)
+    client = CLIENTS[library]
+    python = new_python(folder)
     install = [
         str(Path(sys.executable).with_name("uv")),
         "pip",
@@ -74,16 +75,21 @@ def attempt(library: str, wheel: Path, folder: Path) -> tuple[list[str], str | N
     ]
     # Folders of pip's settings may hold a build of torch without CUDA.
     config = [sys.executable, "-m", "pip", "config", "get", "global.find-links"]
-    said = subprocess.run(
-        config, check=False, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
-    ).stdout
-    install += [word for wheels in said.split() for word in ("--find-links", wheels)]
-    # The clone's version of torch.
-    pin = re.findall(
-        r"^torch==\S+", (ROOT / "packaging/constraints.txt").read_text("utf-8"), re.MULTILINE
+    setting = subprocess.run(
+        config,
+        check=False,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
     )
+    for wheels in setting.stdout.split():
+        install += ["--find-links", wheels]
+    # The clone's version of torch.
+    constraints = (ROOT / "packaging/constraints.txt").read_text("utf-8")
+    pin = re.findall(r"^torch==\S+", constraints, re.MULTILINE)
     shutil.copytree(ROOT / "examples", folder / "examples")
-    versions, stage = ["-", "-"], "the installation"
+    versions = ["-", "-"]
+    stage = "the installation"
     try:
         subprocess.run(
             [*install, str(wheel), *pin, *client.packages],
@@ -91,8 +97,9 @@ def attempt(library: str, wheel: Path, folder: Path) -> tuple[list[str], str | N
             check=True,
             timeout=MAX_INSTALL,
         )
-        asked = [python, "-c", VERSIONS, library, "gymnasium"]
-        versions = json.loads(subprocess.run(asked, check=True, stdout=subprocess.PIPE).stdout)
+        ask_versions = [python, "-c", VERSIONS, library, "gymnasium"]
+        answer = subprocess.run(ask_versions, check=True, stdout=subprocess.PIPE)
+        versions = json.loads(answer.stdout)
         stage = "the recipe"
         recipe = [python, "-m", f"examples.{client.recipe}", *client.words.split()]
         subprocess.run(recipe, cwd=folder, check=True, timeout=MAX_RUN)
@@ -138,12 +145,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
             with TemporaryDirectory() as folder:
                 versions, fault = attempt(name, wheel, Path(folder))
             failed |= fault is not None
-            what = CLIENTS[name].uses if fault is None else f"fails: {fault}"
+            client = CLIENTS[name]
             cells = (
                 name,
                 *versions,
-                what,
-                f"`examples.{CLIENTS[name].recipe}`",
+                client.uses if fault is None else f"fails: {fault}",
+                f"`examples.{client.recipe}`",
                 datetime.date.today().isoformat(),
             )
             row = f"| {' | '.join(cells)} |"

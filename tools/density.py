@@ -97,13 +97,13 @@ def count_node(node: ast.AST, density: Density) -> None:
 
 def docstrings(tree: ast.AST) -> list[ast.Expr]:
     """Return the statements that are only a string: docstrings, also those of attributes."""
-    found = []
+    statements = []
     for node in ast.walk(tree):
         if not isinstance(node, ast.Expr):
             continue
         if isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
-            found.append(node)
-    return found
+            statements.append(node)
+    return statements
 
 
 def own_line_comments(text: str) -> set[int]:

@@ -25,37 +25,46 @@ def check_task(env_id: str) -> None:
     check_env(env.unwrapped, skip_render_check=True)
     env.reset(seed=1)
     envs = gymnasium.make_vec(env_id, num_envs=4, vectorization_mode="vector_entry_point")
-    assert envs.reset(seed=1)[0].shape == (4, *env.observation_space.shape)  # type: ignore[misc]
-    for each in (env, envs):
-        each.action_space.seed(1)
-        rewards: Any = [each.step(each.action_space.sample())[1] for _ in range(3)]
+    observations, _ = envs.reset(seed=1)
+    assert observations.shape == (4, *env.observation_space.shape)  # type: ignore[misc]
+    steps_finitely(env)
+    steps_finitely(envs)
+
+
+def steps_finitely(env: Any) -> None:
+    """Take a few steps, single or as a batch, check that rewards are finite, and close."""
+    env.action_space.seed(1)
+    for _ in range(3):
+        _, rewards, *_ = env.step(env.action_space.sample())
         assert np.isfinite(rewards).all(), rewards
-        each.close()
+    env.close()
 
 
 def digest_of_plays(steps: int = 60) -> str:
     """Return the SHA-256 of every preset's first steps in two episodes, single and as a batch."""
-    whole = hashlib.sha256()
+    digest = hashlib.sha256()
     for preset in turning_env.presets():
-        env, envs = (
-            turning_env.RoughTurningEnv(preset),
-            turning_env.RoughTurningVectorEnv(3, preset),
-        )
+        env = turning_env.RoughTurningEnv(preset)
+        envs = turning_env.RoughTurningVectorEnv(3, preset)
         generator = np.random.default_rng(21)
         for seed in range(2):
-            whole.update(env.reset(seed=seed)[0].tobytes() + envs.reset(seed=seed)[0].tobytes())
+            observation, _ = env.reset(seed=seed)
+            observations, _ = envs.reset(seed=seed)
+            digest.update(observation.tobytes())
+            digest.update(observations.tobytes())
             ended = False
-            for actions in generator.uniform(-1.0, 1.0, (steps, *envs.action_space.shape)):  # type: ignore[misc]
+            shape = (steps, *envs.action_space.shape)  # type: ignore[misc]
+            for actions in generator.uniform(-1.0, 1.0, shape):
                 observations, rewards, *_ = envs.step(actions)
-                whole.update(observations.tobytes() + rewards.tobytes())
+                digest.update(observations.tobytes())
+                digest.update(rewards.tobytes())
                 if not ended:
                     observation, reward, terminated, truncated, info = env.step(actions[0])
-                    whole.update(
-                        observation.tobytes() + repr((reward, sorted(info.items()))).encode()
-                    )
+                    digest.update(observation.tobytes())
+                    digest.update(repr((reward, sorted(info.items()))).encode())
                     ended = terminated or truncated
         envs.close()
-    return whole.hexdigest()
+    return digest.hexdigest()
 
 
 def main() -> None:

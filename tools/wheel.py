@@ -146,7 +146,7 @@ def digests_with_others(
     """
     with TemporaryDirectory() as name:
         environment = Environment(Path(name), python)
-        found = {_installed(environment, wheel, constraints)}
+        plays = {_installed(environment, wheel, constraints)}
         others = re.findall(r"^(?!gymnasium=)[\w.-]+==[^\\\n]+", constraints, re.MULTILINE)
         pins = environment.folder / "others.txt"
         pins.write_text("\n".join(others), "utf-8")
@@ -154,7 +154,7 @@ def digests_with_others(
         for version in gymnasiums:
             print(f"with {version}:", flush=True)
             environment.install(*upgrade, version)
-            found.add(environment.play())
+            plays.add(environment.play())
         for version in reversed(gymnasiums):  # the newest is installed
             environment.install(*upgrade, "--no-compile", version, "stable-baselines3")
             environment.run("-I", "-c", TRAIN)
@@ -166,7 +166,7 @@ def digests_with_others(
             shutil.copy(ROOT / "shop" / "examples" / path, environment.empty)
         for command in SHOP_COMMANDS:
             environment.run("-I", "-m", "turning_env", *command.split())
-        return found
+        return plays
 
 
 def _installed(environment: Environment, wheel: Path, constraints: str) -> str:
@@ -180,10 +180,10 @@ def _installed(environment: Environment, wheel: Path, constraints: str) -> str:
 
 def _pip(constraints: str) -> str:
     """Return the lines of a constraints file that pin pip."""
-    found = re.search(r"^pip==(.*\\\n)*.*\n", constraints, re.MULTILINE)
-    if found is None:
+    pin = re.search(r"^pip==(.*\\\n)*.*\n", constraints, re.MULTILINE)
+    if pin is None:
         raise ValueError("the constraints do not pin pip")
-    return found[0]
+    return pin[0]
 
 
 @exits(ValueError, checks=True)
@@ -208,19 +208,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
             raise ValueError(f"--python {python}: there is no such program")
     faults = []
     with TemporaryDirectory() as name:
-        expected, folder = digest_of_plays(), Path(name)
+        expected = digest_of_plays()
+        folder = Path(name)
         wheel = built(folder / "benchmark")
         shop = built(folder / "shop", ROOT / "shop")
         for number, python in enumerate(parsed.python):
             try:
-                if number:
-                    found = digests(wheel, constraints, python)
+                # The first interpreter also tries what is installed beside the wheel.
+                if number == 0:
+                    plays = digests_with_others(wheel, shop, constraints, python, GYMNASIUMS)
                 else:
-                    found = digests_with_others(wheel, shop, constraints, python, GYMNASIUMS)
+                    plays = digests(wheel, constraints, python)
             except subprocess.CalledProcessError as error:
                 faults.append(f"{python}: {error.cmd[0]} ended with status {error.returncode}")
                 continue
-            if found != {expected}:
+            if plays != {expected}:
                 faults.append(f"{python}: the same actions give other numbers than in the clone")
     print(*faults, sep="\n", end="\n" if faults else "", file=sys.stderr)
     return 1 if faults else 0

@@ -100,21 +100,26 @@ def test_it_plays_families_that_it_was_tuned_on_and_nothing_else() -> None:
 
 
 def test_candidates_find_the_law_that_made_the_returns() -> None:
-    numbers = np.random.default_rng(3).uniform(-0.5, 0.5, (200, 3))
-    heat, grade, _ = numbers.T
-    best = -0.2 + 0.8 * heat - 0.4 * grade
-    misses = np.array(LOG_SPEEDS) - best[:, np.newaxis]
+    names = ("heat", "grade", "other")
+    numbers = np.random.default_rng(3).uniform(-0.5, 0.5, (200, len(names)))
+    heat = numbers[:, names.index("heat")]
+    grade = numbers[:, names.index("grade")]
+    best_log_speeds = -0.2 + 0.8 * heat - 0.4 * grade
+    misses = np.array(LOG_SPEEDS) - best_log_speeds[:, np.newaxis]
     # Too fast costs three times as much as too slow.
     returns = -1000.0 * np.where(misses > 0.0, 3.0 * misses, -misses)
-    names = ("heat", "grade", "other")
     grid = Grid(returns, numbers, names=names)
+
     laws = candidates(grid, names)
+    constant = laws["constant"]
+    best_law = laws["best law"]
     assert list(laws) == ["constant", "regression", "best law", "best law of two numbers"]
-    for law in (laws["best law"], laws["best law of two numbers"]):
+    for law in (best_law, laws["best law of two numbers"]):
         assert law["speed_heat"] == pytest.approx(0.8, abs=0.1)
         assert law["speed_grade"] == pytest.approx(-0.4, abs=0.1)
         assert abs(law.get("speed_other", 0.0)) < 0.1
-    assert grid.earned(laws["constant"]) < grid.earned(laws["best law"])
+    assert grid.earned(constant) < grid.earned(best_law)
+    # Without numbers there is only one.
     assert list(candidates(grid, ())) == ["constant"]
 
 
@@ -124,9 +129,12 @@ def test_batches_that_were_played_come_from_the_log(tmp_path: Path) -> None:
     laws = [{"speed": -0.3, "change_at": 0.8}, {"speed": 0.2, "change_at": 0.8}]
     returns = Plays(family, log).laws("test", laws, "train", 3)
     assert returns.shape == (2, 3)
-    batch, _ = json.loads(log.read_text("utf-8").split("\n")[1])
+    # Under the heading is a line for the batch: what was played, and its returns.
+    _, entry, *_ = log.read_text("utf-8").split("\n")
+    batch, _ = json.loads(entry)
     made_up = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
-    log.write_text(json.dumps([batch, made_up]) + '\n["cut short', "utf-8")
+    made_up_entry = json.dumps([batch, made_up])
+    log.write_text(f'{made_up_entry}\n["cut short', "utf-8")
     plays = Plays(family, log)
     logged = plays.laws("test", laws, "train", 3)
     assert sorted(logged.ravel()) == made_up

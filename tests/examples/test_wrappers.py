@@ -79,8 +79,12 @@ def spaces_of(env: Any, kind: str) -> tuple[Any, ...]:
 
 
 def wrapped(module: Any, name: str, env: Any) -> Any:
-    arguments: tuple[Any, ...] = ARGUMENTS[name](env) if name in ARGUMENTS else ()
-    return getattr(module, name)(env, *arguments)
+    """Return an environment in the wrapper of a name."""
+    arguments: tuple[Any, ...] = ()
+    if name in ARGUMENTS:
+        arguments = ARGUMENTS[name](env)
+    wrapper = getattr(module, name)
+    return wrapper(env, *arguments)
 
 
 @pytest.mark.parametrize("name", SINGLE)
@@ -125,29 +129,30 @@ def test_the_last_part_of_a_stored_batch_is_no_truncation() -> None:
 @pytest.mark.parametrize("name", VECTOR)
 def test_vector_as_gymnasiums_own_vector_environment(name: str, mode: AutoresetMode) -> None:
     envs: Any = RoughTurningVectorEnv(3, SHORT_LIVED, mode)
-    sync: Any = gymnasium.vector.SyncVectorEnv(
-        [lambda: RoughTurningEnv(SHORT_LIVED)] * 3, autoreset_mode=mode
-    )
+    functions = [lambda: RoughTurningEnv(SHORT_LIVED)] * 3
+    sync: Any = gymnasium.vector.SyncVectorEnv(functions, autoreset_mode=mode)
     try:
-        theirs = wrapped(vector, name, sync)
+        wrapped_sync = wrapped(vector, name, sync)
     except ValueError:  # Gymnasium refuses some modes, whatever the environment
         with pytest.raises(ValueError, match="autoreset_mode"):
             wrapped(vector, name, envs)
         return
-    ours = wrapped(vector, name, envs)
-    ours.action_space.seed(0)
-    np.testing.assert_array_equal(ours.reset(seed=5)[0], theirs.reset(seed=5)[0])
+    wrapped_envs = wrapped(vector, name, envs)
+    wrapped_envs.action_space.seed(0)
+    observations, _ = wrapped_envs.reset(seed=5)
+    expected_observations, _ = wrapped_sync.reset(seed=5)
+    np.testing.assert_array_equal(observations, expected_observations)
     for _ in range(70):
-        actions = ours.action_space.sample()
-        step = ours.step(actions)
-        expected_step = theirs.step(actions)
+        actions = wrapped_envs.action_space.sample()
+        step = wrapped_envs.step(actions)
+        expected_step = wrapped_sync.step(actions)
         observations, _, terminated, truncated, _ = step
-        assert observations in ours.observation_space
+        assert observations in wrapped_envs.observation_space
         # All but the infos.
         for result, expected in zip(step[:4], expected_step[:4], strict=True):
             np.testing.assert_array_equal(result, expected)
         ended = terminated | truncated
         if mode is AutoresetMode.DISABLED and ended.any():
-            first, _ = ours.reset(options={"reset_mask": ended.copy()})
-            expected_first, _ = theirs.reset(options={"reset_mask": ended.copy()})
+            first, _ = wrapped_envs.reset(options={"reset_mask": ended.copy()})
+            expected_first, _ = wrapped_sync.reset(options={"reset_mask": ended.copy()})
             np.testing.assert_array_equal(first, expected_first)

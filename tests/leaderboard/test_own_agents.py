@@ -73,15 +73,17 @@ def test_an_own_agent_stands_beside_the_shipped_one(
     assert own == {"fixed_handbook": False, "ppo": False, "my_ppo": True}
     assert "my_ppo (yours)" in captured.out
     assert "ppo comes with the project; --name" in captured.err
-    of_the_shipped, _, of_mine, merit, _, written = captured.out.splitlines()[-6:]
-    assert of_the_shipped.startswith("agent that ships with the project: rank ")
-    assert of_mine.startswith("your agent: rank ")
-    for line in (of_the_shipped, of_mine):
-        assert " of 3, return " in line
-    assert "feasib" in merit
-    assert " over the best rule, fixed_handbook" in merit
-    assert written == f"wrote {tmp_path / 'results' / 'index.html'}"
-    assert (tmp_path / "results" / "index.html").read_text("utf-8").count(">yours<") == 1
+    # The place and the merit of either agent, an empty line, and the file that was written.
+    shipped_place, _, own_place, own_merit, _, written = captured.out.splitlines()[-6:]
+    assert shipped_place.startswith("agent that ships with the project: rank ")
+    assert own_place.startswith("your agent: rank ")
+    for place in (shipped_place, own_place):
+        assert " of 3, return " in place
+    assert "feasib" in own_merit
+    assert " over the best rule, fixed_handbook" in own_merit
+    page = tmp_path / "results" / "index.html"
+    assert written == f"wrote {page}"
+    assert page.read_text("utf-8").count(">yours<") == 1
 
     # The result that ships is copied, not played again.
     copied = folder / "ppo-seed0.json.xz"

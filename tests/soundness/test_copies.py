@@ -12,7 +12,7 @@ import pytest
 from tests.turning_env.playing import SHORT_LIVED, fixed_actions
 from turning_env import FamilyVectorEnv, RoughTurningEnv, RoughTurningVectorEnv
 
-WAYS: dict[str, Callable[[Any], Any]] = {
+METHODS: dict[str, Callable[[Any], Any]] = {
     "copy": copy.deepcopy,
     "pickle": lambda env: pickle.loads(pickle.dumps(env)),
 }
@@ -20,58 +20,61 @@ WAYS: dict[str, Callable[[Any], Any]] = {
 
 def outputs(env: Any, actions: Any) -> list[bytes]:
     """Return all outputs over some actions, across the ends of episodes."""
-    found = []
+    contents = []
     for action in actions:
-        step = env.step(action)
-        found.append(pickle.dumps([step[0].tobytes(), *map(repr, step[1:])]))
-        if isinstance(env, gymnasium.Env) and (step[2] or step[3]):
-            found.append(env.reset()[0].tobytes())
-    return found
+        observation, reward, terminated, truncated, info = env.step(action)
+        contents.append(observation.tobytes())
+        contents.append(repr((reward, terminated, truncated, info)).encode())
+        if isinstance(env, gymnasium.Env) and (terminated or truncated):
+            observation, _ = env.reset()
+            contents.append(observation.tobytes())
+    return contents
 
 
-@pytest.mark.parametrize(("way", "render_mode"), [("copy", None), ("pickle", "rgb_array")])
+@pytest.mark.parametrize(("method", "render_mode"), [("copy", None), ("pickle", "rgb_array")])
 @pytest.mark.parametrize("preset", ["surface", "shift", "batch_casting"])
 def test_a_copy_in_the_middle_of_an_episode_gives_the_same_outputs(
-    preset: str, render_mode: str | None, way: str
+    preset: str, render_mode: str | None, method: str
 ) -> None:
     env = RoughTurningEnv(preset, render_mode)
     env.reset(seed=3)
     actions = fixed_actions(8, 1, preset)[:, 0]
     outputs(env, actions[:4])
     before = None if render_mode is None else env.render()
-    other = WAYS[way](env)
-    there = outputs(other, actions[4:])
+    duplicate = METHODS[method](env)
+    outputs_of_duplicate = outputs(duplicate, actions[4:])
+    # The steps of the duplicate leave the original as it was.
     if render_mode is not None:
         assert (env.render() == before).all()
-    assert outputs(env, actions[4:]) == there
+    assert outputs(env, actions[4:]) == outputs_of_duplicate
     if render_mode is not None:
-        assert (env.render() == other.render()).all()
+        assert (env.render() == duplicate.render()).all()
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("way", "render_mode", "autoreset"),
+    ("method", "render_mode", "autoreset"),
     [("copy", "rgb_array", "NextStep"), ("pickle", None, "SameStep")],
 )
 @pytest.mark.parametrize("family", [False, True])
 def test_a_copy_of_a_batch_gives_the_same_outputs(
-    family: bool, autoreset: str, render_mode: str | None, way: str
+    family: bool, autoreset: str, render_mode: str | None, method: str
 ) -> None:
     options = {"autoreset_mode": autoreset, "render_mode": render_mode}
-    envs = (
-        FamilyVectorEnv(3, **options)
-        if family
-        else RoughTurningVectorEnv(3, SHORT_LIVED, **options)
-    )
+    if family:
+        envs = FamilyVectorEnv(3, **options)
+        actions = fixed_actions(60, 3, "shift")
+    else:
+        envs = RoughTurningVectorEnv(3, SHORT_LIVED, **options)
+        actions = fixed_actions(60, 3, SHORT_LIVED)
     envs.reset(seed=0)
-    actions = fixed_actions(60, 3, "shift" if family else SHORT_LIVED)
     outputs(envs, actions[:17])
-    other = WAYS[way](envs)
-    assert outputs(other, actions[17:]) == outputs(envs, actions[17:])
+    duplicate = METHODS[method](envs)
+    assert outputs(duplicate, actions[17:]) == outputs(envs, actions[17:])
     if render_mode is not None:
         frames = envs.render()
         assert len(frames) == 3
-        for frame, expected in zip(frames, other.render(), strict=True):
+        for frame, expected in zip(frames, duplicate.render(), strict=True):
             np.testing.assert_array_equal(frame, expected)
     envs.close()
-    other.close()
+    duplicate.close()

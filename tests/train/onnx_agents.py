@@ -50,13 +50,13 @@ def actor(memory: bool, seed: int = 0) -> Any:
 def run(folder: Path, seed: int = 0, algorithm: str = "ppo") -> Run:
     """Return a run that was never trained."""
     return Run(
-        algorithm,
-        "RoughTurning-v0",
-        SCENARIO,
-        seed,
-        {"total_timesteps": 1000, "gamma": 0.8},
-        "train it",
-        folder,
+        algorithm=algorithm,
+        env_id="RoughTurning-v0",
+        scenario=SCENARIO,
+        seed=seed,
+        parameters={"total_timesteps": 1000, "gamma": 0.8},
+        command="train it",
+        folder=folder,
     )
 
 
@@ -73,9 +73,18 @@ def of_text(body: str, about: Metadata | None = None, memory: int = 0, **weights
         outputs.append(value("next_memory", memory))
     header = "g (float[n, 11] observation) => (float[n, 2] action)"
     nodes = onnx.parser.parse_graph(f"{header} {{ {body} }}").node
-    held = [numpy_helper.from_array(np.asarray(array), name) for name, array in weights.items()]
-    graph = helper.make_graph(nodes, "network", inputs, outputs, held)
-    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 20)], ir_version=10)
+    tensors = []
+    for name, array in weights.items():
+        tensors.append(numpy_helper.from_array(np.asarray(array), name))
+    graph = helper.make_graph(
+        nodes,
+        "network",
+        inputs=inputs,
+        outputs=outputs,
+        initializer=tensors,
+    )
+    operator_sets = [helper.make_opsetid("", 20)]
+    model = helper.make_model(graph, opset_imports=operator_sets, ir_version=10)
     helper.set_model_props(model, about.properties())
     return bytes(model.SerializeToString())
 

@@ -46,17 +46,20 @@ def test_seeds_are_averaged_where_their_curves_overlap(tmp_path: Path) -> None:
         a_run(tmp_path, 2, line(5.0), "sac"),
     ]
     trainings = curves.read(folders)
-    assert (trainings.env_id, trainings.scenario.name) == ("RoughTurning-v0", "short")
-    found = curves.curves(trainings.trainings)
-    assert [(name, curve.seeds) for name, curve in found.items()] == [("ppo", 2), ("sac", 1)]
-    curve = found["ppo"]
-    assert (curve.steps[0], curve.steps[-1]) == (10.0, 60.0)
+    assert trainings.env_id == "RoughTurning-v0"
+    assert trainings.scenario.name == "short"
+    by_name = curves.curves(trainings.trainings)
+    seeds = {name: curve.seeds for name, curve in by_name.items()}
+    assert seeds == {"ppo": 2, "sac": 1}
+    curve = by_name["ppo"]
+    assert curve.steps[0] == 10.0
+    assert curve.steps[-1] == 60.0
     np.testing.assert_allclose(curve.mean, -2.0 * curve.steps, rtol=1e-3)
-    np.testing.assert_allclose(
-        curve.low, -3.0 * curve.steps, rtol=1e-3
-    )  # of two, both resampled alike one time in four
+    # Of two seeds, both resampled are the same one time in four, so the interval has their width.
+    np.testing.assert_allclose(curve.low, -3.0 * curve.steps, rtol=1e-3)
     np.testing.assert_allclose(curve.high, -1.0 * curve.steps, rtol=1e-3)
-    np.testing.assert_allclose(found["sac"].low, found["sac"].high)
+    single = by_name["sac"]
+    np.testing.assert_allclose(single.low, single.high)
 
 
 def test_a_file_of_curves_draws_the_same_picture_and_takes_further_trainings(
@@ -81,19 +84,14 @@ def test_a_file_of_curves_draws_the_same_picture_and_takes_further_trainings(
             == 0
         )
     assert pictures[0].read_bytes() == pictures[1].read_bytes()
-    assert (
-        curves.main([str(file), str(a_run(tmp_path, 0, line(5.0), "sac")), "--out", str(file)]) == 0
-    )
-    assert (
-        curves.main([str(file), str(a_run(tmp_path / "new", 1, line(7.0))), "--out", str(file)])
-        == 0
-    )
+    another_algorithm = a_run(tmp_path, 0, line(5.0), "sac")
+    another_seed = a_run(tmp_path / "new", 1, line(7.0))
+    for run in (another_algorithm, another_seed):
+        assert curves.main([str(file), str(run), "--out", str(file)]) == 0
     trainings = curves.Trainings.read(file).trainings
-    assert [(name, each.mean_return[-1]) for name, each in trainings.items()] == [
-        ("ppo-seed0", -100.0),
-        ("ppo-seed1", 700.0),
-        ("sac-seed0", 500.0),
-    ]
+    last_returns = {name: training.mean_return[-1] for name, training in trainings.items()}
+    assert last_returns == {"ppo-seed0": -100.0, "ppo-seed1": 700.0, "sac-seed0": 500.0}
+    assert list(last_returns) == sorted(last_returns)
     assert sum("-seed" in row for row in file.read_text("utf-8").splitlines()) == 3
 
 

@@ -58,7 +58,8 @@ def test_an_interrupted_training_gives_the_same_student_whose_file_plays_jobs(
     tmp_path: Path,
 ) -> None:
     algorithm = dagger.ALGORITHM
-    whole, cut = small_run(tmp_path / "whole"), small_run(tmp_path / "cut")
+    whole = small_run(tmp_path / "whole")
+    cut = small_run(tmp_path / "cut")
     train(whole, algorithm, checkpoint_every=32)
     interrupting = replace(algorithm, callbacks=lambda run: [Interruption(70)])
     with pytest.raises(KeyboardInterrupt):
@@ -68,13 +69,13 @@ def test_an_interrupted_training_gives_the_same_student_whose_file_plays_jobs(
 
     file = export.export(cut.folder, tmp_path / "agents")
     models = [FAMILY.job(seed).scenario for seed in range(2)]
-    one = informed(load_agent(whole.folder), models)(2)
-    other = informed(onnx_policy.load(Path(file["path"])), models)(2)
+    student = informed(load_agent(whole.folder), models)(2)
+    exported_student = informed(onnx_policy.load(Path(file["path"])), models)(2)
     env = FamilyVectorEnv(2, FAMILY)
     observations, _ = env.reset(seed=[0, 1])
     for _ in range(4):
-        actions = one.act(observations)
-        np.testing.assert_allclose(actions, other.act(observations), atol=1e-5)
+        actions = student.act(observations)
+        np.testing.assert_allclose(actions, exported_student.act(observations), atol=1e-5)
         observations, *_ = env.step(actions)
 
 

@@ -17,27 +17,28 @@ from turning_env import Scenario
 from turning_env.scoring.onnx_session import OnnxPolicy, session_of
 from turning_env.scoring.sandbox import AgentFileError
 
-ALL = np.ones(5, np.bool_)
+NUM_ENVS = 5
 
 
-def observations(steps: int, num_envs: int = 5) -> NDArray[np.float32]:
-    return np.random.default_rng(1).uniform(-1, 3, (steps, num_envs, 11)).astype(np.float32)
+def observations(steps: int) -> NDArray[np.float32]:
+    random = np.random.default_rng(1)
+    return random.uniform(-1, 3, (steps, NUM_ENVS, 11)).astype(np.float32)
 
 
 @pytest.mark.parametrize("memory", [False, True])
 def test_a_file_acts_as_the_agent_and_forgets_each_environment_by_itself(memory: bool) -> None:
     file = agent_file.checked(onnx_agents.content(memory))
-    original, exported = (
-        ActorPolicy(onnx_agents.actor(memory), 5),
-        OnnxPolicy(session_of(file.content), file.memory_size, 5),
-    )
+    original = ActorPolicy(onnx_agents.actor(memory), NUM_ENVS)
+    exported = OnnxPolicy(session_of(file.content), file.memory_size, NUM_ENVS)
     for step, observation in enumerate(observations(20)):
-        started = np.arange(5) == step % 7
-        for each in (original, exported):
-            each.reset(started)
-        mine, its = original.act(observation), exported.act(observation)
-        assert (its.shape, its.dtype) == ((5, 2), np.float32)
-        np.testing.assert_allclose(its, mine, rtol=0, atol=1e-6)
+        # In turns, one environment starts an episode, or none.
+        started = np.arange(NUM_ENVS) == step % 7
+        original.reset(started)
+        exported.reset(started)
+        actions = exported.act(observation)
+        assert actions.shape == (NUM_ENVS, 2)
+        assert actions.dtype == np.float32
+        np.testing.assert_allclose(actions, original.act(observation), rtol=0, atol=1e-6)
 
 
 Change = Callable[[onnx.ModelProto], object]

@@ -31,14 +31,16 @@ def guarded(content: bytes, num_envs: int = NUM_ENVS, limits: Limits = LIMITS) -
 @pytest.mark.parametrize("memory", [False, True])
 def test_it_acts_there_bit_for_bit_as_here(memory: bool) -> None:
     content = onnx_agents.content(memory)
-    here = OnnxPolicy(session_of(content), agent_file.checked(content).memory_size, NUM_ENVS)
-    there = guarded(content)
-    for step, given in enumerate(observations(80)):
+    memory_size = agent_file.checked(content).memory_size
+    policy = OnnxPolicy(session_of(content), memory_size, NUM_ENVS)
+    guarded_policy = guarded(content)
+    for step, seen in enumerate(observations(80)):
         if step % 7 == 0:
-            for each in (here, there):
-                each.reset(np.arange(NUM_ENVS) == step % NUM_ENVS)
-        actions = there.act(given)
-        assert actions.tobytes() == here.act(given).tobytes()
+            mask = np.arange(NUM_ENVS) == step % NUM_ENVS
+            policy.reset(mask)
+            guarded_policy.reset(mask)
+        actions = guarded_policy.act(seen)
+        assert actions.tobytes() == policy.act(seen).tobytes()
         actions[:] = 0.0  # they are the caller's own
 
 
@@ -57,7 +59,8 @@ def test_a_file_is_looked_at_and_tried_elsewhere(
     ):
         monkeypatch.setattr(name, never)
     agent = onnx_policy.load(path)
-    assert (agent.sha256, agent.trained_on) == (expected.digest, expected.metadata.scenario)
+    assert agent.sha256 == expected.digest
+    assert agent.trained_on == expected.metadata.scenario
     assert agent.make(2).act(np.zeros((2, 11), np.float32)).shape == (2, 2)
 
 
@@ -167,13 +170,19 @@ def test_wrong_observations_do_not_even_travel() -> None:
 
 
 @pytest.mark.slow
-def test_a_process_that_dies_is_an_error_and_one_that_is_not_needed_ends() -> None:
-    policy, other = guarded(onnx_agents.named("plain")), guarded(onnx_agents.named("plain"))
+def test_a_process_that_dies_is_an_error() -> None:
+    policy = guarded(onnx_agents.named("plain"))
     os.kill(policy.sandbox.process.pid, signal.SIGKILL)
     with pytest.raises(ValueError, match=r"its process has ended \(status -9\)"):
         policy.act(observations(1)[0])
-    process = other.sandbox.process
-    del other
+
+
+@pytest.mark.slow
+def test_a_process_ends_with_its_policy() -> None:
+    policy = guarded(onnx_agents.named("plain"))
+    process = policy.sandbox.process
+    assert process.poll() is None
+    del policy
     assert process.poll() is not None
 
 
@@ -195,9 +204,10 @@ LIES = {
 
 @pytest.mark.parametrize("lie", LIES)
 def test_a_process_that_lies_is_not_believed(lie: str) -> None:
-    said, message = LIES[lie]
+    answer, message = LIES[lie]
     program = "import socket, struct; wire = socket.socket(fileno=0); wire.recv(5)\n"
-    program += f"send = lambda kind, length: wire.sendall(struct.pack('<cQ', kind, length))\n{said}"
+    program += "send = lambda kind, length: wire.sendall(struct.pack('<cQ', kind, length))\n"
+    program += answer
     with pytest.raises(ValueError, match=message):
         Sandbox(b"content", program=program)
 

@@ -111,16 +111,16 @@ def test_an_agent_does_not_see_a_hidden_context(tmp_path: Path) -> None:
     )
     train(run, ppo.ALGORITHM)
     agent = onnx_policy.load(Path(export.export(run.folder, tmp_path)["path"]))
-    seen = (
-        np.random.default_rng(0)
-        .uniform(0.0, 1.0, (5, 12 + len(FAMILY.context_names)))
-        .astype(np.float32)
-    )
-    other, context = seen.copy(), seen.copy()
-    other[:, 0], context[:, 12:] = 0.0, 0.0
+    random = np.random.default_rng(0)
+    entries = 12 + len(FAMILY.context_names)
+    seen = random.uniform(0.0, 1.0, (5, entries)).astype(np.float32)
+    of_another_context = seen.copy()
+    of_another_context[:, 12:] = 0.0
+    of_another_state = seen.copy()
+    of_another_state[:, 0] = 0.0
     expected = agent.make(5).act(seen)
-    np.testing.assert_array_equal(agent.make(5).act(context), expected)
-    assert (agent.make(5).act(other) != expected).any()
+    np.testing.assert_array_equal(agent.make(5).act(of_another_context), expected)
+    assert (agent.make(5).act(of_another_state) != expected).any()
 
 
 @pytest.mark.slow
@@ -136,12 +136,17 @@ def test_only_the_critic_sees_the_hidden_state(tmp_path: Path) -> None:
     )
     model = ppo.LeanPPO.load(train(run, ppo.ALGORITHM), device="cpu")
     agent = onnx_policy.load(Path(export.export(run.folder, tmp_path)["path"]))
-    policy, seen = agent.make(5), torch.rand(5, *(model.observation_space.shape or ()))
+    policy = agent.make(5)
+    shape = model.observation_space.shape
+    assert shape is not None
+    seen = torch.rand(5, *shape)
+    # The actor sees the first entries, the critic all.
     entries = len(agent_file.read(tmp_path).metadata.observation_space.low)
-    other = torch.cat([seen[:, :entries], -seen[:, entries:]], dim=1)
-    for observations in (seen, other):
+    with_other_state = torch.cat([seen[:, :entries], -seen[:, entries:]], dim=1)
+    for observations in (seen, with_other_state):
         expected, _ = model.predict(observations.numpy(), deterministic=True)
-        np.testing.assert_allclose(
-            policy.act(observations[:, :entries].numpy()), expected, atol=1e-5
-        )
-    assert (model.policy.predict_values(seen) != model.policy.predict_values(other)).all()
+        actions = policy.act(observations[:, :entries].numpy())
+        np.testing.assert_allclose(actions, expected, atol=1e-5)
+    values = model.policy.predict_values(seen)
+    other_values = model.policy.predict_values(with_other_state)
+    assert (values != other_values).all()

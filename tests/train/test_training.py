@@ -36,36 +36,38 @@ TERMS = {
 }
 
 
+TRAININGS = [pytest.param(algorithm, {}, id=name) for name, algorithm in ALGORITHMS.items()]
+TRAININGS.append(pytest.param(PPO, TERMS, id="ppo_with_terms"))
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("algorithm", "terms"),
-    [(each, {}) for each in ALGORITHMS.values()] + [(PPO, TERMS)],
-    ids=[*ALGORITHMS, "ppo_with_terms"],
-)
+@pytest.mark.parametrize(("algorithm", "terms"), TRAININGS)
 def test_an_interrupted_training_gives_the_same_agent(
     algorithm: Algorithm, terms: dict[str, Any], tmp_path: Path
 ) -> None:
-    whole, cut = (small_run(algorithm, tmp_path / name, **terms) for name in ("whole", "cut"))
+    whole = small_run(algorithm, tmp_path / "whole", **terms)
+    cut = small_run(algorithm, tmp_path / "cut", **terms)
     train(whole, algorithm, checkpoint_every=256)
-    own = algorithm.callbacks(cut)
+    callbacks = algorithm.callbacks(cut)
+    interrupting = replace(algorithm, callbacks=lambda run: [*callbacks, Interruption(550)])
     with pytest.raises(KeyboardInterrupt):
-        train(
-            cut,
-            replace(algorithm, callbacks=lambda run: [*own, Interruption(550)]),
-            checkpoint_every=256,
-        )
+        train(cut, interrupting, checkpoint_every=256)
     assert cut.checkpoint.exists()
     assert not cut.policy.exists()
     train(cut, algorithm, checkpoint_every=256)
 
-    model, resumed = (algorithm.model.load(each.policy, device="cpu") for each in (whole, cut))
+    model = algorithm.model.load(whole.policy, device="cpu")
+    resumed = algorithm.model.load(cut.policy, device="cpu")
     assert _bytes(model.get_parameters()) == _bytes(resumed.get_parameters())
-    rows, resumed_rows = (each.read_learning_curve() for each in (whole, cut))
+    _assert_acts_as(cut, algorithm, model)
+
+    rows = whole.read_learning_curve()
+    resumed_rows = cut.read_learning_curve()
     assert rows[-1]["steps"] == 1024
     for row, resumed_row in zip(rows, resumed_rows, strict=True):
         assert row | {"wall_time": 0.0} == resumed_row | {"wall_time": 0.0}
-    assert all(np.diff([row["wall_time"] for row in resumed_rows]) > 0.0)
-    _assert_acts_as(cut, algorithm, model)
+    wall_times = [row["wall_time"] for row in resumed_rows]
+    assert (np.diff(wall_times) > 0.0).all()
 
 
 def test_training_seeds_have_their_own_bars(tmp_path: Path) -> None:
@@ -76,31 +78,28 @@ def test_training_seeds_have_their_own_bars(tmp_path: Path) -> None:
 
 
 def _bytes(parameters: Any) -> bytes:
-    """Weights and optimisers' states."""
+    """Return weights and optimisers' states as bytes."""
     stream = io.BytesIO()
     torch.save(parameters, stream)
     return stream.getvalue()
 
 
 def _assert_acts_as(run: Run, algorithm: Algorithm, model: Any) -> None:
-    """The agent in a run's folder acts on plain observations as its model on its inputs."""
+    """Assert that the agent of a run acts on plain observations as its model on its inputs."""
     loaded = training.load_agent(run.folder)
-    assert (loaded.name, loaded.training_seed, loaded.command) == (
-        f"{run.algorithm}_short",
-        3,
-        "a command --runs here",
-    )
-    policy, plain = informed(loaded, SCENARIO)(NUM_ENVS), RoughTurningVecEnv(SCENARIO, NUM_ENVS)
-    shown = RoughTurningVecEnv(SCENARIO, NUM_ENVS, wrapper=Terms.of(run).shown)
+    assert loaded.name == f"{run.algorithm}_short"
+    assert loaded.training_seed == 3
+    assert loaded.command == "a command --runs here"
+    policy = informed(loaded, SCENARIO)(NUM_ENVS)
     network = ActorPolicy(algorithm.network(model.policy), NUM_ENVS)
-    for each in (plain, shown):
-        each.seed(7)
-    observations, seen, state, starts = (
-        plain.reset(),
-        shown.reset(),
-        None,
-        np.ones(NUM_ENVS, np.bool_),
-    )
+    plain = RoughTurningVecEnv(SCENARIO, NUM_ENVS)
+    plain.seed(7)
+    shown = RoughTurningVecEnv(SCENARIO, NUM_ENVS, wrapper=Terms.of(run).shown)
+    shown.seed(7)
+    observations = plain.reset()
+    seen = shown.reset()
+    starts = np.ones(NUM_ENVS, np.bool_)
+    state = None
     ends = 0
     # Some agents cut slowly.
     for step in range(1000):

@@ -28,13 +28,12 @@ def search(folder: Path, trials: int, evaluate: Any = learning_rate_matters) -> 
 def test_the_best_feasible_setting_wins(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     _, (setting, played) = search(tmp_path, 12)
     assert 1e-3 <= setting["learning_rate"] <= 1.5e-3  # the first trial is the known setting: 1e-3
-    assert (played.severe_limit, played.mean_return) == (
-        0.04,
-        pytest.approx(1e5 * setting["learning_rate"]),
-    )
-    told = capsys.readouterr().err
-    assert told.count("mean return") + told.count("failed: not finite") == 12
-    assert "failed" in told
+    assert played.severe_limit == 0.04
+    assert played.mean_return == pytest.approx(1e5 * setting["learning_rate"])
+    lines = capsys.readouterr().err
+    failures = lines.count("failed: not finite")
+    assert failures > 0
+    assert lines.count("mean return") + failures == 12
     with pytest.raises(ValueError, match="all 3 trials failed"):
         search(tmp_path / "other", 3, lambda task, setting: FAILED)
 

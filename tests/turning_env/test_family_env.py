@@ -1,5 +1,7 @@
 """``RoughTurning-Family-v0``: single, batch and a job's own scenario give the same bits."""
 
+from typing import NamedTuple
+
 import gymnasium
 import numpy as np
 import pytest
@@ -26,49 +28,56 @@ def random_actions():
     return drawn.astype(np.float32)
 
 
+class Answer(NamedTuple):
+    """What a step of a batch returns."""
+
+    observations: np.ndarray
+    rewards: np.ndarray
+    terminated: np.ndarray
+    truncated: np.ndarray
+    infos: dict
+
+
 def play_batch(actions, mode):
-    """Return the observations of a batch, from the reset on, and the answers to its steps."""
+    """Return the first observations of a batch, and the answers to its steps."""
     env = FamilyVectorEnv(NUM_ENVS, BRIEF_FAMILY, autoreset_mode=mode)
-    observations = [env.reset(seed=SEED)[0]]
-    answers = []
-    for action in actions:
-        answers.append(env.step(action))
-        observations.append(answers[-1][0])
+    observations, _ = env.reset(seed=SEED)
+    answers = [Answer(*env.step(action)) for action in actions]
     return observations, answers
 
 
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
-@pytest.mark.parametrize("i", [0, 33])
-def test_a_batch_plays_each_job_as_the_single_environment_and_as_its_scenario(mode, i):
+@pytest.mark.parametrize("index", [0, 33])
+def test_a_batch_plays_each_job_as_the_single_environment_and_as_its_scenario(mode, index):
     actions = random_actions()
-    batch_observations, batch_answers = play_batch(actions, mode)
+    first_observations, answers = play_batch(actions, mode)
 
+    seed = SEED + index
     env = FamilyEnv(BRIEF_FAMILY)
-    observation, info = env.reset(seed=SEED + i)
+    observation, info = env.reset(seed=seed)
     job_env = RoughTurningEnv(env.job().scenario)
-    job_observation, _ = job_env.reset(seed=SEED + i)
+    job_observation, _ = job_env.reset(seed=seed)
     entries = len(layout(job_env.scenario))
-    assert np.array_equal(observation, batch_observations[0][i])
+    assert np.array_equal(observation, first_observations[index])
     assert np.array_equal(observation[:entries], job_observation)
 
-    for k in range(STEPS):
-        _, batch_rewards, _, batch_truncated, batch_infos = batch_answers[k]
-        observation, reward, _, truncated, info = env.step(actions[k, i])
-        job_observation, job_reward, _, _, _ = job_env.step(actions[k, i])
-        assert reward == batch_rewards[i]
+    for action, answer in zip(actions[:, index], answers, strict=True):
+        observation, reward, _, truncated, info = env.step(action)
+        job_observation, job_reward, _, _, _ = job_env.step(action)
+        assert reward == answer.rewards[index]
         assert reward == job_reward
-        assert truncated == batch_truncated[i]
+        assert truncated == answer.truncated[index]
         # In mode SAME_STEP, the last answer of an episode is the start of the next.
         if mode is AutoresetMode.NEXT_STEP or not truncated:
-            assert info["job"] == batch_infos["job"][i]
-            assert np.array_equal(observation, batch_observations[k + 1][i])
+            assert info["job"] == answer.infos["job"][index]
+            assert np.array_equal(observation, answer.observations[index])
             assert np.array_equal(observation[:entries], job_observation)
         if truncated:
             break
     assert truncated
-    next_job = env.reset()[1]["job"]
-    assert next_job == env.family.number(SEED + i, 1, "train")
-    assert next_job != info["job"]
+    _, next_info = env.reset()
+    assert next_info["job"] == env.family.number(seed, 1, "train")
+    assert next_info["job"] != info["job"]
 
 
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
@@ -82,8 +91,8 @@ def test_refused_actions_change_no_job(mode):
         with pytest.raises(ValueError, match="finite"):
             env.step(action * np.nan)
         observations, _, _, _, infos = env.step(action)
-        assert infos["job"].tolist() == answer[4]["job"].tolist()
-        assert np.array_equal(observations, answer[0])
+        assert infos["job"].tolist() == answer.infos["job"].tolist()
+        assert np.array_equal(observations, answer.observations)
 
 
 def test_context_can_be_hidden():

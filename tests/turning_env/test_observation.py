@@ -48,27 +48,46 @@ def test_true_wear_hardness_and_depth_show_in_power_and_force_alone():
     ]
 
 
-def test_the_hidden_state_is_observed_if_asked_for():
-    scenario = changed(Scenario(), sensors={"observes_all": True})
-    actions = fixed_actions(100, 1)[:, 0]
-    record = play(RoughTurningEnv(scenario), 4, actions)
-    plain_record = play(RoughTurningEnv(), 4, actions)
-    columns = record["observation"].astype(float).T
-    shown = dict(zip(layout(scenario), columns, strict=True))
-    # The twin is the same lathe.
-    assert np.array_equal(record["observation"][:, :11], plain_record["observation"])
-    in_metal = record["cutting"]
+OBSERVES_ALL = changed(Scenario(), sensors={"observes_all": True})
+
+
+@pytest.fixture(scope="module")
+def observed_all():
+    """The record of a lathe that observes all, in air and in metal."""
+    return play(RoughTurningEnv(OBSERVES_ALL), 4, fixed_actions(100, 1)[:, 0])
+
+
+def shown(record, name):
+    """Return an entry of the observations of a record, shape (steps,)."""
+    entry = layout(OBSERVES_ALL).index(name)
+    return record["observation"][:, entry].astype(float)
+
+
+def test_a_lathe_that_observes_all_is_otherwise_the_same(observed_all):
+    plain_record = play(RoughTurningEnv(), 4, fixed_actions(100, 1)[:, 0])
+    entries = plain_record["observation"].shape[1]
+    assert np.array_equal(observed_all["observation"][:, :entries], plain_record["observation"])
+
+
+def test_hardness_and_depth_are_observed_in_metal_if_asked_for(observed_all):
+    in_metal = observed_all["cutting"]
     assert 0 < in_metal.sum() < len(in_metal)
-    assert not shown["hardness"][~in_metal].any()
-    assert not shown["depth_of_cut"][~in_metal].any()
-    depth_ratio = record["depth_of_cut"] / scenario.workpiece.depth_of_cut
-    assert shown["hardness"][in_metal] == pytest.approx(
-        5 * (record["hardness"] - 1)[in_metal], abs=1e-5
-    )
-    assert shown["depth_of_cut"][in_metal] == pytest.approx(
-        5 * (depth_ratio - 1)[in_metal], abs=1e-5
-    )
-    assert shown["wear"] == pytest.approx(record["wear"] / scenario.tool.wear_criterion, abs=1e-6)
-    assert shown["wear_factor"] == pytest.approx(5 * (record["wear_factor"] - 1), abs=1e-5)
-    strength_ratio = record["edge_strength"] / scenario.limits.thrust_force
-    assert shown["edge_strength"] == pytest.approx(5 * (strength_ratio - 1), abs=1e-5)
+    nominal_depth = OBSERVES_ALL.workpiece.depth_of_cut
+    ratios = {
+        "hardness": observed_all["hardness"],
+        "depth_of_cut": observed_all["depth_of_cut"] / nominal_depth,
+    }
+    for name, ratio in ratios.items():
+        entry = shown(observed_all, name)
+        expected = 5 * (ratio - 1)
+        assert entry[in_metal] == pytest.approx(expected[in_metal], abs=1e-5)
+        assert not entry[~in_metal].any()
+
+
+def test_the_state_of_the_edge_is_observed_if_asked_for(observed_all):
+    wear = observed_all["wear"] / OBSERVES_ALL.tool.wear_criterion
+    wear_factor = observed_all["wear_factor"]
+    strength = observed_all["edge_strength"] / OBSERVES_ALL.limits.thrust_force
+    assert shown(observed_all, "wear") == pytest.approx(wear, abs=1e-6)
+    assert shown(observed_all, "wear_factor") == pytest.approx(5 * (wear_factor - 1), abs=1e-5)
+    assert shown(observed_all, "edge_strength") == pytest.approx(5 * (strength - 1), abs=1e-5)

@@ -47,44 +47,60 @@ def test_laws_of_h13_come_back(tmp_path: Path) -> None:
     readings = []
     for edge, factor in (("13", 0.01), ("23", 0.02)):
         for time in (2.0, 10.0, 30.0):
-            wear = factor * time**0.8
-            readings.append({"Tool_ID": edge, "CTime": time, "TCond": wear, "ap": 0.5})
-    numbers = h13(exp1, exp2, write_table(tmp_path / "Prep.csv", readings))
-    assert numbers["main force"]["b [1/mm]"] == pytest.approx(2.0)
-    assert numbers["main force"]["exponent of feed"] == pytest.approx(0.7)
-    assert numbers["thrust force"]["b [1/mm]"] == pytest.approx(6.0)
-    assert numbers["thrust force"]["exponent of depth"] == pytest.approx(0.9)
-    assert numbers["thrust force"]["residuals"] == pytest.approx(0.0, abs=1e-9)
-    assert numbers["wear"]["exponent of time"] == pytest.approx(0.8)
-    assert numbers["wear"]["K at 0.5 mm [mm]"] == pytest.approx(0.02 / 2.0**0.5)
-    assert numbers["wear"]["log spread of edges, within depths"] == pytest.approx(
-        np.log(2.0) / 2.0**0.5
-    )
+            reading = {
+                "Tool_ID": edge,
+                "CTime": time,
+                "TCond": factor * time**0.8,
+                "ap": 0.5,
+            }
+            readings.append(reading)
+    prep = write_table(tmp_path / "Prep.csv", readings)
+    numbers = h13(exp1, exp2, prep)
+
+    main_force = numbers["main force"]
+    assert main_force["b [1/mm]"] == pytest.approx(2.0)
+    assert main_force["exponent of feed"] == pytest.approx(0.7)
+
+    thrust = numbers["thrust force"]
+    assert thrust["b [1/mm]"] == pytest.approx(6.0)
+    assert thrust["exponent of depth"] == pytest.approx(0.9)
+    assert thrust["residuals"] == pytest.approx(0.0, abs=1e-9)
+
+    wear = numbers["wear"]
+    # The geometric mean of both edges, and their sample standard deviation.
+    mean_factor = (0.01 * 0.02) ** 0.5
+    spread = np.log(0.02 / 0.01) / 2.0**0.5
+    assert wear["exponent of time"] == pytest.approx(0.8)
+    assert wear["K at 0.5 mm [mm]"] == pytest.approx(mean_factor)
+    assert wear["log spread of edges, within depths"] == pytest.approx(spread)
 
 
 def test_lines_of_vicomtech_come_back(tmp_path: Path) -> None:
-    rows = [
-        {"tool": tool, "Vb": 0.0, "F_c_MEAN": 500.0, "F_f_MEAN": 240.0, "F_p_MEAN": 180.0}
-        for tool in ("3", "4")
-    ]
+    def segment(tool: str, wear: float, growth: float) -> dict[str, Any]:
+        """Return a row at a wear [mm] of an edge whose thrust grows by a share of it [1/mm]."""
+        return {
+            "tool": tool,
+            "Vb": 1000.0 * wear,
+            "F_c_MEAN": 500.0 * (1.0 + wear),
+            "F_f_MEAN": 240.0 * (1.0 + growth * wear),
+            "F_p_MEAN": 180.0 * (1.0 + growth * wear),
+        }
+
+    rows = []
     for tool, growth in (("3", 2.0), ("4", 4.0)):
+        rows.append(segment(tool, wear=0.0, growth=growth))
         for second in range(2, 121):
             wear = 0.15 * (second / 60.0) ** 0.9
-            rows.append(
-                {
-                    "tool": tool,
-                    "Vb": 1000.0 * wear,
-                    "F_c_MEAN": 500.0 * (1.0 + wear),
-                    "F_f_MEAN": 240.0 * (1.0 + growth * wear),
-                    "F_p_MEAN": 180.0 * (1.0 + growth * wear),
-                }
-            )
-    rows.sort(key=lambda row: str(row["tool"]))
+            rows.append(segment(tool, wear, growth))
     numbers = vicomtech(write_table(tmp_path / "segments.csv", rows))
     assert numbers["main force"]["b [1/mm]"] == pytest.approx(1.0)
-    assert numbers["thrust force"]["F0 [N]"] == pytest.approx(300.0)
-    assert numbers["thrust force"]["b [1/mm]"] == pytest.approx(3.0)
-    assert numbers["thrust force"]["log spread of b"] == pytest.approx(np.log(2.0) / 2.0**0.5)
+
+    thrust = numbers["thrust force"]
+    spread = np.log(4.0 / 2.0) / 2.0**0.5
+    assert thrust["F0 [N]"] == pytest.approx(np.hypot(240.0, 180.0))
+    assert thrust["b [1/mm]"] == pytest.approx((2.0 + 4.0) / 2)
+    assert thrust["log spread of b"] == pytest.approx(spread)
+
     assert numbers["wear"]["exponent of time"] == pytest.approx(0.9)
     assert numbers["wear"]["K [mm]"] == pytest.approx(0.15)
 
@@ -92,8 +108,9 @@ def test_lines_of_vicomtech_come_back(tmp_path: Path) -> None:
 def test_spreads_within_and_between_edges_are_told_apart() -> None:
     random = np.random.default_rng(1)
     edges = np.repeat(np.arange(200), 20)
-    residuals = 0.1 * random.standard_normal(200)[edges] + 0.03 * random.standard_normal(4000)
-    spreads = residual_spreads(residuals, edges)
+    of_edges = 0.1 * random.standard_normal(200)
+    of_readings = 0.03 * random.standard_normal(4000)
+    spreads = residual_spreads(of_edges[edges] + of_readings, edges)
     assert spreads.within == pytest.approx(0.03, rel=0.1)
     assert spreads.between == pytest.approx(0.1, rel=0.15)
 

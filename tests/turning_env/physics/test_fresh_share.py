@@ -37,48 +37,68 @@ def test_the_wear_exponent_is_the_slope_of_the_logarithms() -> None:
 def test_the_lathe_follows_the_law() -> None:
     record = play(RoughTurningEnv(MEASURED), 0, ACTIONS)
     # The first row is that of the reset, before the edge has cut.
-    speed, feed, wear, force = (
-        record[name][1:] for name in ("cutting_speed", "feed", "wear", "thrust_force")
+    expected = MEASURED.material.thrust_force(
+        record["cutting_speed"][1:],
+        record["feed"][1:],
+        depth_of_cut=2.5,
+        wear=record["wear"][1:],
     )
-    expected = MEASURED.material.thrust_force(speed, feed, 2.5, wear=wear)
-    assert force == pytest.approx(expected, rel=1e-9)
+    assert record["thrust_force"][1:] == pytest.approx(expected, rel=1e-9)
     assert record["wear"][0] < record["wear"][-1]
 
 
 @pytest.mark.parametrize("scenario", [MEASURED, MISTAKEN], ids=["nominal", "another form"])
 def test_single_and_batch_agree_bit_for_bit(scenario: Scenario) -> None:
     env = RoughTurningEnv(scenario)
-    single = [env.reset(seed=5)[0]]
     batch = RoughTurningVectorEnv(3, scenario)
-    many = [batch.reset(seed=[5, 6, 7])[0]]
+    observation, _ = env.reset(seed=5)
+    observations, _ = batch.reset(seed=[5, 6, 7])
     for action in ACTIONS:
-        single.append(env.step(action)[0])
-        many.append(batch.step(np.tile(action, (3, 1)))[0])
-    assert np.array_equal(np.stack(single), np.stack(many)[:, 0])
+        assert np.array_equal(observation, observations[0])
+        observation, *_ = env.step(action)
+        observations, *_ = batch.step(np.tile(action, (3, 1)))
+    assert np.array_equal(observation, observations[0])
 
 
 def test_the_observed_ratio_is_that_to_the_nominal_law() -> None:
     """A nominal power law expects less force of a sharp edge than it has."""
-    place = layout(MEASURED).index("force_ratio")
-    ratios = {}
-    for name, scenario in {"right": MEASURED, "mistaken": MISTAKEN}.items():
+    entry = layout(MEASURED).index("force_ratio")
+
+    def first_ratio(scenario: Scenario) -> float:
         env = RoughTurningEnv(scenario)
         env.reset(seed=0)
-        ratios[name] = float(env.step(ACTIONS[0])[0][place])
-    assert ratios["right"] == pytest.approx(0.0, abs=1e-6)
-    assert ratios["mistaken"] > 1.0
+        observation, *_ = env.step(ACTIONS[0])
+        return float(observation[entry])
+
+    assert first_ratio(MEASURED) == pytest.approx(0.0, abs=1e-6)
+    assert first_ratio(MISTAKEN) > 1.0
 
 
 @pytest.mark.parametrize(
-    ("material", "named"),
+    ("law", "change", "named"),
     [
-        ({"thrust_force": FORCE | {"wear": 0.0}}, "material.thrust_force.wear_growth"),
-        ({"wear": Scenario().material.wear.model_dump() | {"wear_growth": 1.0}}, "material.wear"),
-        ({"power": Scenario().material.power.model_dump() | {"wear_growth": -1.0}}, "wear_growth"),
+        pytest.param(
+            "thrust_force",
+            FORCE | {"wear": 0.0},
+            "material.thrust_force.wear_growth",
+            id="force that does not grow with wear",
+        ),
+        pytest.param(
+            "wear",
+            {"wear_growth": 1.0},
+            "material.wear",
+            id="wear",
+        ),
+        pytest.param(
+            "power",
+            {"wear_growth": -1.0},
+            "wear_growth",
+            id="below 0",
+        ),
     ],
 )
-def test_a_growth_without_meaning_is_refused(material: dict[str, Any], named: str) -> None:
+def test_a_growth_without_meaning_is_refused(law: str, change: dict[str, Any], named: str) -> None:
     values = Scenario().model_dump()
-    values["material"] |= material
+    values["material"][law] |= change
     with pytest.raises(ScenarioError, match=named):
         Scenario.load(values)

@@ -1,5 +1,7 @@
 """Sensors, the link from the process to the controller."""
 
+from typing import NamedTuple
+
 import numpy as np
 import pytest
 
@@ -9,14 +11,21 @@ BRISK = changed(UNDISTURBED, control={"interval": 1}, tool={"wear_criterion": 5}
 HOLD = [(0.0, 0.0)]
 
 
+class Ratios(NamedTuple):
+    """Measured over true power and force; arrays over steps."""
+
+    power: np.ndarray
+    force: np.ndarray
+
+
 def ratios(steps):
-    """Return measured over true power and force by the infos of steps, arrays of shape (steps,)."""
+    """Return measured over true power and force by the infos of steps."""
     power = []
     force = []
     for info in steps:
         power.append(info["measured_power"] / info["power"])
         force.append(info["measured_thrust_force"] / info["thrust_force"])
-    return np.array(power), np.array(force)
+    return Ratios(np.array(power), np.array(force))
 
 
 def test_noise_is_relative_unbiased_and_independent():
@@ -43,7 +52,12 @@ def test_measurements_lag_behind_the_process():
 
 
 def test_readings_drift_and_the_depth_grows_until_the_machine_is_warm():
-    drift = {"power_drift": 0.05, "force_drift": -0.1, "thermal_growth": 0.2, "warm_up_time": 2.0}
+    drift = {
+        "power_drift": 0.05,
+        "force_drift": -0.1,
+        "thermal_growth": 0.2,
+        "warm_up_time": 2.0,
+    }
     steps = infos(changed(BRISK, mismatch=drift), HOLD * 300)
     power, force = ratios(steps)
     depth = [info["depth_of_cut"] for info in steps]

@@ -49,9 +49,8 @@ def test_below_the_base_speed_limit_and_available_torque_are_constant(speed, cap
     # The rated power is 7.5 kW, the limit half of the power.
     available = 7.5 * capacity
     expected_cost = 2 / capacity - 1
-    by_torque = changed(
-        with_spindle(base_speed=300.0, reading="torque"), limits={"power": 0.5 * power}
-    )
+    slow_spindle = with_spindle(base_speed=300.0, reading="torque")
+    by_torque = changed(slow_spindle, limits={"power": 0.5 * power})
     record = last(cut(by_torque, speed))
     reading = read(record["observation"][np.newaxis], by_torque)
     assert record["power"] == power
@@ -66,17 +65,19 @@ def test_below_the_base_speed_limit_and_available_torque_are_constant(speed, cap
 
 
 def test_the_idle_torque_adds_to_that_of_the_cut_and_is_predicted():
-    scenario = with_spindle(idle_torque=10.0)
-    without = cut(STEADY, 3 * BASE)
-    record = cut(scenario, 3 * BASE)
-    reading = read(record["observation"], scenario)
-    torque = record["torque"][1:] - without["torque"][1:]
-    power = record["power"][1:] - without["power"][1:]
-    idle_power = 10.0 * 2 * math.pi * 300 / 60 / 1000  # [kW] at 300 rev/min
-    assert torque == pytest.approx(10.0)
-    assert power == pytest.approx(idle_power, rel=1e-6)
-    assert record["measured_power"][-1] == pytest.approx(record["power"][-1])
-    assert reading.power_ratio[-1] == pytest.approx(1.0)
+    idle_torque = 10.0  # [N m]
+    scenario = with_spindle(idle_torque=idle_torque)
+    without = last(cut(STEADY, 3 * BASE))
+    record = last(cut(scenario, 3 * BASE))
+    added_torque = record["torque"] - without["torque"]
+    added_power = record["power"] - without["power"]
+    angular_velocity = 2 * math.pi * 300 / 60  # at 300 rev/min [rad/s]
+    idle_power = idle_torque * angular_velocity / 1000  # [kW]
+    assert added_torque == pytest.approx(idle_torque)
+    assert added_power == pytest.approx(idle_power, rel=1e-6)
+    assert record["measured_power"] == pytest.approx(record["power"])
+    reading = read(record["observation"][np.newaxis], scenario)
+    assert reading.power_ratio == pytest.approx(1.0)
 
 
 def test_the_spindle_idles_in_air():
@@ -118,9 +119,16 @@ def test_short_overload_is_allowed_until_the_motor_is_hot():
     assert 0 < hot.sum() < len(hot)
     assert record["overload_time"][~hot].sum() == 0.0
     # A step after which the motor is hot makes the next one cost.
-    cost_when_hot = record["cost_power"][1:][hot[:-1]]
-    assert cost_when_hot == pytest.approx(excess)
+    was_hot = hot[:-1]
+    costs = record["cost_power"][1:]
+    assert costs[was_hot] == pytest.approx(excess)
 
-    never = cut(limited, 4 * BASE, steps=5)
-    assert never["cost_power"][1:] == pytest.approx(excess)
-    assert never["spindle_heat"].tolist() == [0.0] * 6
+
+def test_without_short_overload_every_excess_costs_and_no_heat_is_counted():
+    power = last(cut(STEADY, 4 * BASE))["power"]
+    rated = power / 1.25
+    limited = changed(STEADY, machine={"rated_power": rated}, limits={"power": rated * 1.01})
+    record = cut(limited, 4 * BASE, steps=5)
+    excess = 1.25 / 1.01 - 1
+    assert record["cost_power"][1:] == pytest.approx(excess)
+    assert not record["spindle_heat"].any()

@@ -58,7 +58,11 @@ def rates_of_wear(actions, **failure):
     feed = record["feed"][1:]
     growth = np.diff(used_life(record["wear"]))
     wear_by_law = WEAR_LAW(speed, feed, depth_of_cut=2.5, time=3 / 60)
-    return Rates(speed=speed, wear=record["wear"][:-1], rate=growth / used_life(wear_by_law))
+    return Rates(
+        speed=speed,
+        wear=record["wear"][:-1],
+        rate=growth / used_life(wear_by_law),
+    )
 
 
 def test_an_edge_runs_in_and_wears_fast_again_at_the_end():
@@ -78,11 +82,14 @@ def test_an_edge_runs_in_and_wears_fast_again_at_the_end():
 def test_wear_has_a_minimum_above_the_speed_at_which_edges_build_up():
     """One slow step at each speed; the power law's exponent over the range is taken out."""
     built_up = {"built_up_edge": 40.0, "built_up_speed": 90.0, "built_up_width": 0.25}
-    single_steps = [
-        rates_of_wear([(action, -1.0)], **built_up) for action in np.linspace(-1, 1, 81)
-    ]
-    speed = np.concatenate([step.speed for step in single_steps])
-    rate = np.concatenate([step.rate for step in single_steps])
+    speeds = []
+    rates = []
+    for action in np.linspace(-1, 1, 81):
+        single_step = rates_of_wear([(action, -1.0)], **built_up)
+        speeds.append(single_step.speed)
+        rates.append(single_step.rate)
+    speed = np.concatenate(speeds)
+    rate = np.concatenate(rates)
     distance = np.log(speed / 90) / 0.25
     assert rate == pytest.approx(1 + 40 * np.exp(-(distance**2)), rel=1e-6)
 
