@@ -279,13 +279,14 @@ def runnable_cases(peers: dict[str, Callable[[], Iterator[Case]]]) -> tuple[list
     remarks = []
     for module, peer in peers.items():
         try:
-            found, remark = list(peer()), f"{module} {version(module)}"
-            for case in found:
+            cases_of_peer = list(peer())
+            remark = f"{module} {version(module)}"
+            for case in cases_of_peer:
                 case.step()  # some fail only here
         except Exception as error:  # a failing peer must not stop the others
             remarks.append(f"left out: {module}: {type(error).__name__}: {error}")
             continue
-        cases += found
+        cases += cases_of_peer
         remarks.append(remark)
     return cases, remarks
 
@@ -360,7 +361,8 @@ def against(other: Path, repeats: int, seconds: float) -> list[str]:
                 rates.append([float(rate) for rate in process.stdout.readline().split()])
             if not all(rates):
                 raise UserError(f"--against {other}: {MAIN} cannot be timed in both checkouts")
-            turns.append([ours / theirs for ours, theirs in zip(*rates, strict=True)])
+            here, there = rates
+            turns.append([rate / other_rate for rate, other_rate in zip(here, there, strict=True)])
     names = f"one {MAIN}", f"{NUM_ENVS} environments"
     return [
         f"{name}: {text(ratios)} times {other}"

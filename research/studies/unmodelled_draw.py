@@ -170,10 +170,11 @@ def probe(family: Family, num_jobs: int) -> list[dict[str, str]]:
     history = explored(family, SPLIT, num_jobs)
     rows = []
     for form in present[0]:
-        there = np.array([forms[form] for forms in present])
-        row = {"Form": form, "There [% of jobs]": f"{100.0 * there.mean():.0f}"}
+        has_form = np.array([forms[form] for forms in present])
+        row = {"Form": form, "There [% of jobs]": f"{100.0 * has_form.mean():.0f}"}
         for title, numbers in (("history of two edges", history), ("context", context)):
-            area, low, high = area_with_interval(left_out_scores(numbers, there), there)
+            scores = left_out_scores(numbers, has_form)
+            area, low, high = area_with_interval(scores, has_form)
             row[f"AUC, {title}"] = f"{area:.2f} ({low:.2f} to {high:.2f})"
         rows.append(row)
     return rows

@@ -48,13 +48,14 @@ def contour_of(control: Control, lines: ContourLines) -> list[Path]:
 
 def _returns(paths: list[Path]) -> bool:
     """Return whether the last path leads back towards the first."""
-    here = paths[-1].start
+    # The corner between the contour and the last path.
+    turn = paths[-1].start
     end = paths[-1].end
     begin = paths[1].start
-    back_z = end.z - here.z
-    back_x = end.x - here.x
-    way_z = here.z - begin.z
-    way_x = here.x - begin.x
+    back_z = end.z - turn.z
+    back_x = end.x - turn.x
+    way_z = turn.z - begin.z
+    way_x = turn.x - begin.x
     # The scalar product of the way back and of the way from the contour's begin.
     return back_z * way_z + back_x * way_x < 0.0
 

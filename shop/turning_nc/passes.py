@@ -196,39 +196,39 @@ class _RoughingPasses:
         clear = max(start.height, top + self.retraction)
         passes: list[Pass] = []
         pockets: list[Pass] = []
-        here = self.start
+        position = self.start
         for level in levels:
             stretches = self._below(level)
             if stretches and self._is_at_front(stretches[0]):
                 front = stretches.pop(0)
-                passes.append(self._from_front(here, level, front.end))
-                here = passes[-1][-1].end
+                passes.append(self._from_front(position, level, front.end))
+                position = passes[-1][-1].end
             for stretch in stretches:
                 pockets.append(self._pocket(level, stretch, clear))
         for pocket in pockets:
-            along = view.seen(here).along
+            along = view.seen(position).along
             above = view.rapid(along, clear)
             begin = Stop(pocket[0].start, rapid=True)
-            passes.append([*joined(here, above, begin), *pocket])
-            here = pocket[-1].end
+            passes.append([*joined(position, above, begin), *pocket])
+            position = pocket[-1].end
         if pockets:
             above_start = view.rapid(start.along, clear)
-            passes[-1] += joined(here, above_start)
-            here = passes[-1][-1].end
-        passes.append(self._along(here, contour, clear))
+            passes[-1] += joined(position, above_start)
+            position = passes[-1][-1].end
+        passes.append(self._along(position, contour, clear))
         return passes
 
     def _is_at_front(self, stretch: _Stretch) -> bool:
         """Return whether a pass begins before the metal, at the contour's front."""
         return abs(stretch.begin.along - self.profile[0].along) < TOLERANCE
 
-    def _along(self, here: Point, contour: Sequence[Path], clear: float) -> Pass:
+    def _along(self, position: Point, contour: Sequence[Path], clear: float) -> Pass:
         """Return the pass along the contour, and back to the start."""
         view = self.view
         begin = view.seen(self.start).along
         last = contour[-1].end
         lead = joined(
-            here,
+            position,
             view.rapid(begin, self.profile[0].height),
             Stop(contour[0].start, rapid=False),
         )
@@ -240,14 +240,14 @@ class _RoughingPasses:
         )
         return [*lead, *contour, *back]
 
-    def _from_front(self, here: Point, level: float, end: float) -> Pass:
+    def _from_front(self, position: Point, level: float, end: float) -> Pass:
         """Return the pass of one level from the contour's front, and back aslant."""
         view = self.view
         begin = view.seen(self.start).along
         away = level + self.retraction
         return list(
             joined(
-                here,
+                position,
                 view.rapid(begin, level),
                 view.feed(end, level),
                 view.rapid(end - self.retraction, away),
@@ -318,18 +318,18 @@ class _RoughingPasses:
         stretches: list[_Stretch] = []
         before = 0
         begin = profile[0] if profile[0].height < level else None
-        for index, (here, after) in enumerate(itertools.pairwise(profile)):
+        for index, (point, next_point) in enumerate(itertools.pairwise(profile)):
             was_below = begin is not None
-            is_below = after.height < level
+            is_below = next_point.height < level
             if is_below == was_below:
                 continue
-            rise = after.height - here.height
-            share = (level - here.height) / rise
+            rise = next_point.height - point.height
+            share = (level - point.height) / rise
             share = min(max(share, 0.0), 1.0)
-            crossing = here.along + share * (after.along - here.along)
+            crossing = point.along + share * (next_point.along - point.along)
             if begin is None:
                 before = index
-                begin = _Seen(crossing, here.height + share * rise)
+                begin = _Seen(crossing, point.height + share * rise)
             else:
                 stretches.append(_Stretch(before, begin, end=crossing))
                 begin = None
@@ -394,7 +394,7 @@ def pecked(start: Point, end: Point, cycle: Pecking) -> list[Pass]:
     back = min(cycle.back, cycle.peck or cycle.back)
     drawn = math.copysign(back, bottom - top)
     passes = []
-    here = start
+    position = start
     for place in places:
         above = Stop(cycle.point(top, place), rapid=True)
         stops = [above]
@@ -403,9 +403,9 @@ def pecked(start: Point, end: Point, cycle: Pecking) -> list[Pass]:
             stops.append(Stop(cycle.point(depth - drawn, place), rapid=True))
         stops.append(Stop(cycle.point(depths[-1], place), rapid=False))
         stops.append(above)
-        passes.append(list(joined(here, *stops)))
-        here = above.point
-    passes[-1] += joined(here, Stop(start, rapid=True))
+        passes.append(list(joined(position, *stops)))
+        position = above.point
+    passes[-1] += joined(position, Stop(start, rapid=True))
     return passes
 
 
@@ -443,7 +443,7 @@ def repeated_passes(
 ) -> list[Pass]:
     """Return the moves of G73: the contour, again and again, up to its allowance [mm]."""
     passes: list[Pass] = []
-    here = start
+    position = start
     last = cycle.count - 1
     for number in range(cycle.count):
         # Share of the pattern that is left to cut after this pass.
@@ -454,10 +454,10 @@ def repeated_passes(
         begin = shifted(start, shift)
         cut = [path.moved(shift) for path in contour]
         end = start if number == last else begin
-        lead = joined(here, Stop(begin, rapid=True), Stop(cut[0].start, rapid=True))
+        lead = joined(position, Stop(begin, rapid=True), Stop(cut[0].start, rapid=True))
         back = joined(cut[-1].end, Stop(end, rapid=True))
         passes.append([*lead, *cut, *back])
-        here = passes[-1][-1].end
+        position = passes[-1][-1].end
     return passes
 
 

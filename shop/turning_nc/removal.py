@@ -36,6 +36,8 @@ MIN_AREA = 1e-9  # area below which a cut is not divided into slices [mm2]
 MIN_DEPTH = 1e-3  # depth of cut below which a move is taken as in air [mm]
 MAX_COLLISION = 2.0  # area that a rapid move may sweep in metal without a warning [mm2]
 MAX_GOUGE = 5.0  # area that the back of an insert may take from the part without a warning [mm2]
+# Radius beyond the axis, over the largest one on the tool's own side, that a facing tool may reach.
+MAX_PAST_AXIS = 0.2
 FAR = 1e5  # radius beyond every stock [mm]
 
 
@@ -149,7 +151,7 @@ def _tools_beyond_axis(moves: Moves) -> set[str]:
     # A tool that faces runs a little past the axis, too.
     tools = set()
     for tool, high in highest.items():
-        if high < -0.2 * lowest[tool]:
+        if high < -MAX_PAST_AXIS * lowest[tool]:
             tools.add(tool)
     return tools
 

@@ -382,22 +382,22 @@ def table(situation: Situation, blocks: Sequence[Row], units: Units = METRIC) ->
 
 def findings(blocks: Sequence[Row], count: int = 5) -> list[str]:
     """Return the lines that overload, and those that waste most time."""
-    found = []
+    sentences = []
     overloads = [row for row in blocks if row.remark.startswith(OVERLOAD)]
     if overloads:
         shares = [max(row.force_share, row.power_share) for row in overloads]
         worst = 100 * max(shares)
         lines = at_lines(row.line for row in overloads)
-        found.append(f"overload: {lines}; the highest load is {worst:.0f} % of its limit")
+        sentences.append(f"overload: {lines}; the highest load is {worst:.0f} % of its limit")
     by_feed = [_LineTime(row.line, row.saves) for row in blocks]
     wasted_by_feed = _longest(by_feed, count)
     if wasted_by_feed:
-        found.append(f"wasted by too little feed: {wasted_by_feed}")
+        sentences.append(f"wasted by too little feed: {wasted_by_feed}")
     in_air = [_LineTime(row.line, row.air_time) for row in blocks]
     wasted_in_air = _longest(in_air, count)
     if wasted_in_air:
-        found.append(f"wasted by air at feed: {wasted_in_air}")
-    return found
+        sentences.append(f"wasted by air at feed: {wasted_in_air}")
+    return sentences
 
 
 class _LineTime(NamedTuple):

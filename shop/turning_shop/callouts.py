@@ -129,15 +129,15 @@ def place(figure: Figure, callouts: Sequence[Callout]) -> None:
     """Move the texts of callouts to where they cover no label, mark or other callout."""
     figure.draw_without_rendering()
     for axes in {callout.axes for callout in callouts}:
-        here = [callout for callout in callouts if callout.axes is axes]
-        movable = [callout.text for callout in here]
+        callouts_here = [callout for callout in callouts if callout.axes is axes]
+        movable = [callout.text for callout in callouts_here]
         taken = []
         for text in axes.texts:
             if text not in movable:
                 taken.append(text.get_window_extent())
-        for callout in here:
+        for callout in callouts_here:
             taken.append(_extent(callout.mark))
-        for callout in here:
+        for callout in callouts_here:
             area = _placed(callout, taken)
             taken.append(area)
 
@@ -201,12 +201,12 @@ def _line(callout: Callout, area: Bbox) -> tuple[NDArray[np.float64], NDArray[np
     return centre, nearest
 
 
-def _crosses(callout: Callout, area: Bbox, other: Bbox) -> bool:
-    """Return whether the line from a mark to its text runs through another area."""
+def _crosses(callout: Callout, area: Bbox, taken: Bbox) -> bool:
+    """Return whether the line from a mark to its text runs through an area that is taken."""
     start, end = _line(callout, area)
-    if other.contains(*start):
+    if taken.contains(*start):
         return False  # the mark itself
-    return bool(Path([start, end]).intersects_bbox(other, filled=False))
+    return bool(Path([start, end]).intersects_bbox(taken, filled=False))
 
 
 def _places(callout: Callout, within: Bbox) -> Iterator[Place]:

@@ -198,11 +198,11 @@ def job_of(question: Question) -> Job:
         stated_values, preset = stated_by(machine.file)
     stated = set(flat(stated_values))
 
-    held: tuple[str, ...] = ()
+    assumptions: tuple[str, ...] = ()
     depth = question.depth
     if depth is None:
         depth = min(insert.cut.depth.usual, insert.max_depth)
-        held = (f"no --depth is given: {depth:.3g} mm, the usual one of its chip breaker",)
+        assumptions = (f"no --depth is given: {depth:.3g} mm, the usual one of its chip breaker",)
     start = start_of(material.group, grade)
     if question.start_speed is not None:
         start = stated_start(question.start_speed, insert.cut.feed.usual, depth)
@@ -217,7 +217,7 @@ def job_of(question: Question) -> Job:
         values["workpiece"]["support"] = question.support
     elif "workpiece.support" not in stated:
         values["workpiece"]["support"] = "chuck"
-        held += ("the chuck alone holds the bar: --support states another",)
+        assumptions += ("the chuck alone holds the bar: --support states another",)
     values["material"] = fitted.model_dump()
     values["limits"] = _limits(machine, stated, fitted=fitted, insert=insert, window=window)
     if "economics.edges_per_insert" not in stated:
@@ -241,7 +241,7 @@ def job_of(question: Question) -> Job:
         insert=insert,
         grade=grade.name,
         start=start,
-        window=window._replace(assumptions=window.assumptions + held),
+        window=window._replace(assumptions=window.assumptions + assumptions),
         scenario=scenario,
         evidence=known,
         values=values,

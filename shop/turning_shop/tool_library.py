@@ -118,8 +118,8 @@ def completed(tool: Tool) -> Tool:
     insert = insert_of(tool)
     if insert is None:
         return tool
-    told: dict[str, Any] = {"nose_radius": insert.nose_radius, "edge_length": insert.edge_length}
-    for name, length in told.items():
+    lengths = {"nose_radius": insert.nose_radius, "edge_length": insert.edge_length}
+    for name, length in lengths.items():
         stated = getattr(tool, name)
         if math.isnan(stated):
             lacking: dict[str, Any] = {name: length}
@@ -224,19 +224,19 @@ def _tools_of_toolbit(text: str) -> Iterator[Tool]:
 
 def _noted(name: str, notes: str) -> str:
     """Return what the notes of a preset say of a name; see ``_preset``."""
-    found = re.search(rf"\b{name} ([\w.]+)", notes)
-    return found[1] if found else ""
+    match = re.search(rf"\b{name} ([\w.]+)", notes)
+    return match[1] if match else ""
 
 
 def _length(value: Any, where: str) -> float:
     """Return a length of FreeCAD, such as "6.35 mm" or '0.25 in' [mm]."""
     if value is None:
         return math.nan
-    found = re.fullmatch(r"\s*([\d.]+)\s*(mm|in|\")?\s*", str(value))
-    if found is None:
+    match = re.fullmatch(r"\s*(?P<number>[\d.]+)\s*(?P<unit>mm|in|\")?\s*", str(value))
+    if match is None:
         raise WorkshopError(f"{where} is {value!r}, but must be a length such as '6.35 mm'")
-    factor = INCH if found[2] in ("in", '"') else 1.0
-    return factor * _number(found[1], where)
+    factor = INCH if match["unit"] in ("in", '"') else 1.0
+    return factor * _number(match["number"], where)
 
 
 _ENTITY = re.compile(r"#(\d+)\s*=\s*([A-Z_0-9]+)\s*\((.*?)\)\s*;", re.DOTALL)

@@ -193,17 +193,17 @@ def ratio_checks() -> Iterator[Check]:
     stated = Outcome(rate=control.rate, life=STATED_LIFE)
     for rival in rivals():
         test = rival.test
-        what = f"grid search / {test.name}, metal per"
+        quantity = f"grid search / {test.name}, metal per"
         yield Check(
-            f"{what} minute",
-            test.rate_ratio,
+            f"{quantity} minute",
+            paper=test.rate_ratio,
             ours=control.rate / rival.nominal.rate,
             tolerance=ROUNDED * test.rate_ratio,
         )
         if rival.measured is not None and test.total_ratio is not None:
             yield Check(
-                f"{what} edge, its life 15 min",
-                test.total_ratio,
+                f"{quantity} edge, its life 15 min",
+                paper=test.total_ratio,
                 ours=stated.total / rival.measured.total,
                 tolerance=ROUNDED * test.total_ratio,
             )
@@ -219,10 +219,10 @@ def scatter_checks() -> Iterator[Check]:
     shortest = verification.played(MEASURED, high)
     longest = verification.played(MEASURED, low)
     for test, short, long in zip(MEASURED, shortest, longest, strict=True):
-        what = f"{test.name}: life [min]; of 95 % of the edges of measured_wear the"
+        quantity = f"{test.name}: life [min]; of 95 % of the edges of measured_wear the"
         stated_life = test.life or 0.0
-        yield at_most(f"{what} shortest", stated_life, ours=short.life)
-        yield at_least(f"{what} longest", stated_life, ours=long.life)
+        yield at_most(f"{quantity} shortest", stated_life, ours=short.life)
+        yield at_least(f"{quantity} longest", stated_life, ours=long.life)
 
 
 def collapse_checks() -> Iterator[Check]:
@@ -325,12 +325,17 @@ def equal_wear_checks() -> Iterator[Check]:
     control = grid_search.outcome
     for test in MEASURED:
         rival = results[test.name].outcome
-        what = f"equal wear, grid search / {test.name}: metal per"
-        yield at_least(f"{what} minute", test.rate_ratio, ours=control.rate / rival.rate)
+        quantity = f"equal wear, grid search / {test.name}: metal per"
+        yield at_least(f"{quantity} minute", test.rate_ratio, ours=control.rate / rival.rate)
         reason = ""
         if test.name == "T4":
             reason = f"its edge lasts {control.life:.1f} min, that of the test {rival.life:.1f} min"
-        yield at_least(f"{what} edge", 1.0, ours=control.total / rival.total, not_reproduced=reason)
+        yield at_least(
+            f"{quantity} edge",
+            1.0,
+            ours=control.total / rival.total,
+            not_reproduced=reason,
+        )
     reason = (
         "it plans with nominal wear, so the worn edge needs more force and power than it expects"
     )

@@ -163,9 +163,10 @@ def find(options: argparse.Namespace) -> int:
         edge=options.edge,
         is_fresh=options.fresh,
     )
-    found = cuts.find_cuts(cuts.read_record(options.record, settings), settings)
-    cuts.write_sheet(found.cuts, settings, options.out)
-    for note in found.notes:
+    record = cuts.read_record(options.record, settings)
+    result = cuts.find_cuts(record, settings)
+    cuts.write_sheet(result.cuts, settings, options.out)
+    for note in result.notes:
         print(note, file=sys.stderr)
     print(options.out)
     return DONE

@@ -244,7 +244,7 @@ class MTConnectSource:
             devices[name] = device
         if not devices:
             raise UserError(f"{self._url}: the probe lists no device")
-        name = _chosen(devices, self._parts.machine, option="--machine", what="devices")
+        name = _chosen(devices, self._parts.machine, option="--machine", plural="devices")
         items = _items(devices[name], self._parts)
         if not items:
             raise UserError(f"{self._url}: {name} has no load, speed, override or position")
@@ -357,17 +357,24 @@ def _named(element: Element, name: str) -> Iterator[Element]:
             yield inner
 
 
-def _chosen(candidates: Mapping[str, object], name: str | None, option: str, what: str) -> str:
-    """Return the candidate that the user names, or the only one; UserError if there is no such."""
+def _chosen(candidates: Mapping[str, object], name: str | None, option: str, plural: str) -> str:
+    """Return the candidate that the user names, or the only one; UserError if there is no such.
+
+    Args:
+        candidates: the candidates by name.
+        name: name that the user states, if any.
+        option: option that states it.
+        plural: word for candidates, for messages.
+    """
     names = list(candidates)
     listed = ", ".join(names)
     if name is not None:
         if name not in candidates:
-            raise UserError(f"{option} is {name!r}, but the {what} are {listed or 'none'}")
+            raise UserError(f"{option} is {name!r}, but the {plural} are {listed or 'none'}")
         return name
     if len(names) != 1:
         example = names[0] if names else "NAME"
-        raise UserError(f"the {what} are {listed}: say which one, {option} {example}")
+        raise UserError(f"the {plural} are {listed}: say which one, {option} {example}")
     return names[0]
 
 
@@ -403,25 +410,26 @@ def _items(device: Element, parts: Parts) -> list[Item]:
         if component.kind == "Path":
             paths[component.name] = component
 
-    found: dict[str, Item] = {}
+    items: dict[str, Item] = {}
     for part, name, wanted, option in (
         (spindles, parts.spindle, SPINDLE, "--spindle"),
         (paths, parts.channel, PATH, "--channel"),
     ):
         if part or name:
-            chosen = part[_chosen(part, name, option=option, what=f"{option[2:]}s")]
-            _add(found, chosen, wanted)
+            word = option.removeprefix("--")
+            chosen = _chosen(part, name, option=option, plural=f"{word}s")
+            _add(items, part[chosen], wanted)
     for component in components:
         letter = component.name[:1].lower()
         if component.kind == "Linear" and letter in ("x", "z"):
-            _add(found, component, _axis(letter))
+            _add(items, component, _axis(letter))
         if component.kind == "Controller" and len(paths) <= 1:
-            _add(found, component, PATH)
-    if "position" in found:
+            _add(items, component, PATH)
+    if "position" in items:
         # The path's position is that of the tool's tip; an axis may count from elsewhere.
-        found.pop("x", None)
-        found.pop("z", None)
-    return list(found.values())
+        items.pop("x", None)
+        items.pop("z", None)
+    return list(items.values())
 
 
 def _add(found: dict[str, Item], component: Component, wanted: Sequence[Wanted]) -> None:

@@ -72,8 +72,8 @@ def best_preset(presets: Sequence[Preset], material: Any) -> Preset | None:
 
 def bar_diameter(preset: Preset) -> float | None:
     """Return the diameter of the bar that a preset's notes state [mm], or None."""
-    found = DIAMETER.search(preset.get("notes") or "")
-    return float(found[1]) if found else None
+    match = DIAMETER.search(preset.get("notes") or "")
+    return float(match[1]) if match else None
 
 
 class Chain:
