@@ -287,11 +287,25 @@ def add_commands(command: Callable[..., argparse.ArgumentParser]) -> None:
     _add_options(command(play, "play a lathe by hand, beside the best rule", scenario=False))
 
 
+def _playable(word: str) -> str:
+    """Return an argument that names an id that is played by hand, as it is.
+
+    Raises:
+        argparse.ArgumentTypeError: it is no such id; the message says what to give instead.
+    """
+    env_id = environment_id(word)
+    if env_id == FAMILY_ID:
+        raise argparse.ArgumentTypeError(f"{env_id} has families: give --family {FAMILIES[0]}")
+    if env_id not in PLAYABLE:
+        raise argparse.ArgumentTypeError(f"{env_id} cannot be played: its step plans a whole part")
+    return env_id
+
+
 def _add_options(parser: argparse.ArgumentParser) -> None:
     task = parser.add_mutually_exclusive_group()
     task.add_argument(
         "--env",
-        type=environment_id,
+        type=_playable,
         choices=PLAYABLE,
         default="RoughTurning-v0",
         metavar="ID",

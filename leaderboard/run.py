@@ -31,6 +31,7 @@ from turning_env import Scenario
 from turning_env.console import printable
 from turning_env.files import folder_lock
 from turning_env.progress import progress
+from turning_env.scoring.adapt import place_in_module
 from turning_env.scoring.comparators import CAUSAL, comparators
 from turning_env.scoring.play import Episodes, play
 from turning_env.scoring.policy import PolicySpec
@@ -70,7 +71,8 @@ def _failure(policy: PolicySpec, what_failed: str, error: Exception) -> ResultEr
     Raise the error if it is a fault of the project: that of a rule, unless it is a ValueError.
     """
     if isinstance(error, ValueError):
-        return ResultError(f"{policy.label} {what_failed}: {printable(str(error))}")
+        place = place_in_module(error, policy.command)
+        return ResultError(f"{policy.label} {what_failed}: {printable(str(error))}{place}")
     if policy.kind != "agent":
         raise error
     # An agent, or a policy of one's own code, may raise anything, and must not stop the others.

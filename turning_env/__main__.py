@@ -1,4 +1,4 @@
-"""Show and calibrate scenarios, predict cuts, play part programs, and score policies."""
+"""Show scenarios, play by hand and score policies; other packages add their commands."""
 
 import argparse
 import sys
@@ -15,6 +15,7 @@ from turning_env.console import Parser, UserError, described, exits, positive, p
 from turning_env.extras import provided
 from turning_env.scenario import Scenario, ScenarioError, presets
 from turning_env.scenario.arguments import environment_id
+from turning_env.scoring.adapt import place_in_module
 from turning_env.scoring.sandbox import LIMITS
 from turning_env.scoring.score import Split
 
@@ -138,7 +139,9 @@ def _schema(_: argparse.Namespace) -> int:
 def _score(options: argparse.Namespace) -> int:
     """Play a policy on held-out seeds and rank it among the policies that ship.
 
-    While you develop, play the seeds of --split validation, which have a score but no ranking.
+    The score is 0 for the best fixed speed and feed, and 100 for causal, an oracle that sees the
+    hidden state. Brackets hold 95 % intervals. While you develop, play the seeds of --split
+    validation, which have a score but no ranking.
 
     A policy is an ONNX file or an object in a module. The object may be a function of observations,
     a class with reset and act, a model of Stable-Baselines3 or a module of PyTorch. It runs in this
@@ -160,7 +163,8 @@ def _score(options: argparse.Namespace) -> int:
             split=options.split,
         )
     except (TypeError, ValueError) as error:
-        raise UserError(f"{options.policy}: {error}") from error
+        place = place_in_module(error, options.policy)
+        raise UserError(f"{options.policy}: {error}{place}") from error
     if options.json:
         values = asdict(result)
         del values["episodes"]

@@ -83,6 +83,18 @@ def test_the_opponent_is_a_feasible_rule_that_beats_fixed_values() -> None:
     assert best_rule("RoughTurning-v0").name not in ("fixed_tuned", "fixed_handbook")
 
 
+@pytest.mark.parametrize(
+    ("env_id", "advice"),
+    [("RoughTurning-Family-v0", "--family shop"), ("RoughTurning-Batch-v0", "whole part")],
+)
+def test_an_id_that_no_hand_plays_is_refused_with_the_reason(
+    env_id: str, advice: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit):
+        main(["play", "--env", env_id])
+    assert advice in capsys.readouterr().err
+
+
 def test_a_missing_package_is_named_before_anything_compiles(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

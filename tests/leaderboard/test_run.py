@@ -128,6 +128,15 @@ def test_code_that_raises_any_error_is_named_and_others_go_on(task: Task, folder
     assert only(folder / "one.json.xz")
 
 
+def test_a_value_error_in_own_code_is_placed(task: Task, folder: Path) -> None:
+    def breaks(num_envs: int) -> Steady:
+        raise ValueError("shapes do not fit")
+
+    own = spec("mine", seed=0, make=breaks, command=f"{__name__}:breaks")
+    with pytest.raises(PoliciesFailedError, match=r"shapes do not fit \(test_run\.py, line \d+\)"):
+        play_all(task, [own], folder)
+
+
 def test_a_policy_whose_actions_are_no_numbers_is_named_and_others_go_on(
     task: Task, folder: Path
 ) -> None:

@@ -2,6 +2,7 @@
 
 import pkgutil
 import re
+import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,8 +34,10 @@ def as_factory(
 
     Raises:
         TypeError: if the policy is of none of these kinds.
+        ValueError: if there is no such object, or the name is that of a Python file.
         AgentFileError: a ValueError, which says why an ONNX file cannot play.
     """
+    _refuse_python_file(policy)
     if isinstance(policy, str) and re.fullmatch(r"[\w.]+:[\w.]+", policy):
         policy = _imported(policy)
     if isinstance(policy, str | Path):
@@ -54,10 +57,33 @@ def as_factory(
     if callable(policy):
         return lambda num_envs: _Function(policy)
     raise TypeError(
-        f"a {type(policy).__name__} is no policy: give a function of observations, an object with "
+        f"{_kind(policy)} is no policy: give a function of observations, an object with "
         "reset and act, a model of Stable-Baselines3, a module of PyTorch, or the path of an ONNX "
         "file"
     )
+
+
+def place_in_module(error: BaseException, name: str | None) -> str:
+    """Return where the module of the policy ``module:object`` raised an error.
+
+    Such as " (my_policy.py, line 3)". It is empty if the error has not passed through this module.
+    """
+    module = (name or "").partition(":")[0]
+    place = ""
+    for frame, line in traceback.walk_tb(error.__traceback__):
+        if frame.f_globals.get("__name__") == module:
+            place = f" ({Path(frame.f_code.co_filename).name}, line {line})"
+    return place
+
+
+def _refuse_python_file(policy: Any) -> None:
+    """Raise ValueError if a policy is the name of a Python file, with or without an object."""
+    if not isinstance(policy, str | Path):
+        return
+    file, _, name = str(policy).partition(":")
+    if file.endswith(".py"):
+        module = Path(file).stem
+        raise ValueError(f"give module:object, such as {module}:{name or 'policy'}")
 
 
 def _imported(name: str) -> Any:
@@ -138,7 +164,7 @@ def _kind(value: Any) -> str:
         return f"a tuple ({', '.join(type(part).__name__ for part in value[:MAX_PARTS])})"
     shape = getattr(value, "shape", None)
     if shape is None:
-        return f"a {type(value).__name__}"
+        return f"an object of type {type(value).__name__}"
     return f"an array of shape {tuple(shape)}"
 
 
@@ -208,6 +234,10 @@ def _same_bounds(space: Any, expected: Any) -> bool:
 def _onnx(path: Path, limits: Limits) -> PolicyFactory:
     try:
         return load(path, limits)
+    except FileNotFoundError as error:
+        if not path.suffix:
+            raise ValueError("no such file: give an ONNX file, or module:object") from error
+        raise
     except AgentFileError as error:
         if path.suffix == ".zip":
             raise AgentFileError(

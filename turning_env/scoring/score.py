@@ -14,7 +14,7 @@ from typing import Any, Literal, NamedTuple, get_args
 import gymnasium
 import numpy as np
 
-from turning_env import FAMILY_ID
+from turning_env import ALL_IDS, FAMILY_ID
 from turning_env.batch.driver import observation_space
 from turning_env.scenario import Scenario
 from turning_env.scenario.arguments import id_instead
@@ -349,6 +349,8 @@ def score(
             or fewer seeds.
         AgentFileError: a ValueError, if an ONNX file is refused or exceeds a limit.
     """
+    if env_id not in gymnasium.registry:
+        raise ValueError(f"{env_id!r} is no id; {id_instead(env_id, ALL_IDS)}")
     is_rule = isinstance(policy, PolicySpec) and policy.kind != "agent"
     if env_id == FAMILY_ID and is_rule:
         raise TypeError(

@@ -313,6 +313,9 @@ class NeedsSize:
         pytest.param(3, TypeError, "int", id="a number"),
         pytest.param("missing.onnx", FileNotFoundError, "missing.onnx", id="a missing file"),
         pytest.param(str(ROOT / "README.md"), ValueError, "README.md", id="no network"),
+        pytest.param("missing", ValueError, "no such file: .*module:object", id="a bare name"),
+        pytest.param("rule.py", ValueError, "such as rule:policy", id="a Python file"),
+        pytest.param("rule.py:act", ValueError, "such as rule:act", id="a file and a name"),
         pytest.param(f"{__name__}:absent", ValueError, "absent", id="a missing name"),
         pytest.param(full_feed, ValueError, "shape", id="actions of another task"),
         pytest.param(lambda observations: None, ValueError, "returned None", id="no actions"),
@@ -343,9 +346,9 @@ def test_a_policy_that_cannot_play_is_refused(
         score(policy, OVERRIDE, seeds=2)
 
 
-def test_an_id_without_results_is_refused() -> None:
-    with pytest.raises(ValueError, match="RoughTurning-v0"):
-        score(full_feed, "RoughTurning-v1")
+def test_an_unknown_id_is_refused() -> None:
+    with pytest.raises(ValueError, match="did you mean RoughTurning-v0"):
+        score(full_feed, "RoughTurning-v1", split="validation")
 
 
 def test_a_number_of_seeds_that_the_leaderboard_has_not_is_refused() -> None:
@@ -503,6 +506,17 @@ def test_the_file_of_a_model_with_another_space_is_refused(
     PPO("MlpPolicy", make_env(), device="cpu").save(tmp_path / "mine.zip")
     with pytest.raises(ValueError, match=message):
         score(PPO.load(tmp_path / "mine.zip"), PAPER, seeds=4)
+
+
+def adds_shapes_that_do_not_fit(observations: Any) -> Any:
+    return np.zeros(2) + np.zeros(3)
+
+
+def test_an_error_in_own_code_is_placed(capsys: pytest.CaptureFixture[str]) -> None:
+    name = f"{__name__}:adds_shapes_that_do_not_fit"
+    line = adds_shapes_that_do_not_fit.__code__.co_firstlineno + 1
+    assert main(["score", name, "--env", PAPER, "--seeds", "2", "--split", "validation"]) == 2
+    assert f"(test_score.py, line {line})" in capsys.readouterr().err
 
 
 def test_the_command_prints_the_score(expected: Score, capsys: pytest.CaptureFixture[str]) -> None:
