@@ -36,6 +36,7 @@ for _file in _FILES:
 
 CHANGE_AT = "change_at"
 """Parameter of rules that change no edges: nominal wear over the criterion at the change [-]."""
+CHANGE_RANGE = Range(0.5, 1.3)  # within which it is tuned
 
 
 class TimelyChanges(Policy):
@@ -104,7 +105,7 @@ def playable(name: str, scenario: Scenario) -> Rule:
         policy = rule.controller(scenario, num_envs, **parameters)
         return TimelyChanges(policy, scenario, change_at=change_at)
 
-    parameters = {**rule.parameters, CHANGE_AT: Range(0.5, 1.3)}
+    parameters = {**rule.parameters, CHANGE_AT: CHANGE_RANGE}
     return replace(rule, controller=build, parameters=parameters)
 
 

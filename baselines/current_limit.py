@@ -65,7 +65,8 @@ def low_pass(cutoff: float) -> Array:
     warped = sine / cosine
     squared = warped * warped
     turns = (np.arange(ORDER // 2) + 0.5) / (2.0 * ORDER)
-    damping = 2.0 * sine_and_cosine(turns)[0]
+    damping_sine, _ = sine_and_cosine(turns)
+    damping = 2.0 * damping_sine
     damped = damping * warped
     scale = 1.0 / (1.0 + damped + squared)
     gain = squared * scale
@@ -84,7 +85,8 @@ def delay(cutoff: float) -> float:
     # The analogue Butterworth filter of order n has the delay 1 / (w sin(pi / 2n)), with w the
     # cut-off frequency in rad/s. The bilinear transform gives w = 2 tan(pi cutoff / 2) per sample.
     sine, cosine = sine_and_cosine(0.25 * cutoff)
-    return float(cosine / (sine_and_cosine(0.25 / ORDER)[0] * 2.0 * sine))
+    pole_sine, _ = sine_and_cosine(0.25 / ORDER)
+    return float(cosine / (pole_sine * 2.0 * sine))
 
 
 class Smoother:
@@ -112,7 +114,9 @@ class Smoother:
         count = len(self._sections)
         numerator = self._sections[:, :3]
         denominator = self._sections[:, 3:]
-        # State of each section per unit of a constant signal, which it passes unchanged.
+        # State of each section per unit of a constant signal, which it passes unchanged. SciPy's
+        # sections (transposed direct form II) output y = b_0 x + z_0, where z_0 follows from z_1,
+        # and z_1 = b_2 x - a_2 y. With x = y = 1, z_0 = 1 - b_0 and z_1 = b_2 - a_2.
         steady = np.empty((count, 2))
         steady[:, 0] = 1.0 - numerator[:, 0]
         steady[:, 1] = numerator[:, 2] - denominator[:, 2]

@@ -79,6 +79,7 @@ def grid(scenario: Scenario) -> Grid:
 
 def _steps(low: float, high: float, step: float) -> Array:
     """Return values from ``low`` up to ``high``, which is one of them if it is a whole step."""
+    # Rounding must not make a whole number of steps a smaller one.
     return low + step * np.arange(int((high - low) / step + 1e-9) + 1.0)
 
 

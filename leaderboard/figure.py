@@ -42,6 +42,7 @@ _SHARES_AT = 1.16  # place of the shares of time over a limit, in widths of the 
 
 
 _LEVELS = np.linspace(-50.0, 110.0, 161)  # scores at which profiles are drawn
+_STUB = 10.0  # length of the line of a mean below these scores
 _KIND_LOOKS = {
     "random": style.LINES[6],
     "best fixed": style.LineLook(style.GREY, "-"),
@@ -238,7 +239,10 @@ def write_scores(tasks: Sequence[TaskScores], path: Path) -> None:
 
 
 def _draw_mean_scores(axes: Axes, listed: Mapping[str, Entry]) -> None:
-    """Draw the interquartile mean over tasks of each kind, the best on top."""
+    """Draw the interquartile mean over tasks of each kind, the best on top.
+
+    A mean below the scale is shown by a short line and its value.
+    """
     means = {title: mean_score(entry).estimate for title, entry in listed.items()}
     titles = sorted(listed, key=lambda title: means[title].value)
     left = _LEVELS[0]
@@ -246,7 +250,7 @@ def _draw_mean_scores(axes: Axes, listed: Mapping[str, Entry]) -> None:
         look = _KIND_LOOKS[title]
         estimate = means[title]
         is_on_scale = estimate.value > left
-        end = estimate.value if is_on_scale else left + 10.0
+        end = estimate.value if is_on_scale else left + _STUB
         text = f"{estimate.value:.0f}".replace("-", "\N{MINUS SIGN}")
         axes.plot([left, end], [place, place], color=look.colour, linestyle=look.dashes)
         if is_on_scale:

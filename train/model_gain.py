@@ -54,6 +54,12 @@ WINDOW_EDGE = 0.05
 of tangled chips. The cost is a step there, so its gradient is 0; this line has one."""
 MIN_LOAD = 1e-3
 """Smallest force over its limit, and smallest probability to survive [-]."""
+MIN_WEIGHT = 1e-3
+"""Weight of a known end of a step at the other end [-]."""
+MIN_STRENGTH_SPREAD = 1e-3
+"""Smallest log standard deviation of the edges' strength [-], so that breakage has a gradient."""
+MIN_POSITIVE = 1e-9
+"""In place of 0 where a logarithm is taken, or where a time constant divides."""
 MIN_USED_LIFE = 1e-6
 """Used life of a fresh edge [-]: the laws are not defined at 0."""
 
@@ -117,13 +123,13 @@ class Truth:
         bar = torch.floor(path / pitch)
 
         # A field is known at a step's end in the metal of the same bar. Between two such ends it is
-        # interpolated; a known end counts a little even where the other end is.
+        # interpolated; with ``MIN_WEIGHT``, a single known end counts even at the other end.
         start_depth = _field(steps.before, "depth_of_cut")
         end_depth = _field(steps.after, "depth_of_cut")
         start_known = (start_depth > 0.0) & (torch.floor(start_path / pitch) == bar)
         end_known = (end_depth > 0.0) & (torch.floor(end_path / pitch) == bar)
-        start_weight = torch.where(start_known, 1.0 - share + 1e-3, 0.0)
-        end_weight = torch.where(end_known, share + 1e-3, 0.0)
+        start_weight = torch.where(start_known, 1.0 - share + MIN_WEIGHT, 0.0)
+        end_weight = torch.where(end_known, share + MIN_WEIGHT, 0.0)
         total = start_weight + end_weight
         divisor = torch.where(total > 0.0, total, 1.0)
         cutting = (path - pitch * bar >= work.approach) & (total > 0.0) & ~changed
@@ -207,30 +213,32 @@ class ModelGain:
         self._wear = _Law(material.wear, math.log(tool.wear_criterion))
         self._log_criterion = _tensor(np.log(tool.wear_criterion))
         self._life_exponent = _tensor(material.wear.time)
-        # Idle power over the limit, per cutting speed: torque times revolutions.
+        # Idle power over the limit, per cutting speed [min/m]: torque times revolutions.
         idle = scenario.spindle.idle_torque / (30.0 * scenario.workpiece.diameter * limits.power)
         self._idle = _tensor(idle)
-        self._base_speed = _tensor(max(scenario.base_cutting_speed, 1e-9))
+        self._base_speed = _tensor(max(scenario.base_cutting_speed, MIN_POSITIVE))
 
         self._force_limit = _tensor(limits.thrust_force)
         self._log_strength = _tensor(np.log(tool.edge_strength / limits.thrust_force))
-        self._strength_spread = _tensor(max(tool.edge_strength_spread, 1e-3))
-        self._edge_price = _tensor(edge_price(scenario))
+        strength_spread = max(tool.edge_strength_spread, MIN_STRENGTH_SPREAD)
+        self._strength_spread = _tensor(strength_spread)
+        self._edge_price = _tensor(edge_price(scenario))  # [s]
         self._downtime = 60.0 * economics.breakage_downtime  # [s]
 
         if prices is None:
             prices = prices_of(scenario)
         self._time_price = _tensor(prices.time)
-        # Before the first used life, the price is constant.
+        # Prices [s] at used lives from 0 on: before the first one given, the price is constant.
         self._life_prices = _tensor(np.concatenate([prices.life[:1], prices.life]))
         self._overload_price = economics.overload_price
-        self._stop_cost = _tensor(60.0 * economics.unplanned_stop * prices.time)
+        self._stop_cost = _tensor(60.0 * economics.unplanned_stop * prices.time)  # [s]
         self._reference_rate = _tensor(economics.reference_removal_rate)
 
         swarf = scenario.swarf
         self._chips_tangle = swarf.tangle_rate > 0.0
         self._tangle_cost = _tensor(swarf.tangle_rate * swarf.tangle_time * prices.time)
-        self._log_feed_range = [_tensor(np.log(max(feed, 1e-9))) for feed in scenario.feed_range]
+        log_feeds = [np.log(max(feed, MIN_POSITIVE)) for feed in scenario.feed_range]
+        self._log_feed_range = [_tensor(log_feed) for log_feed in log_feeds]
 
     def __call__(self, log_commanded: SpeedAndFeed, actual: SpeedAndFeed, truth: Truth) -> StepGain:
         """Return the gain of each step, and the earnings of going on with the edge.
@@ -329,7 +337,7 @@ class _Drive:
     def __init__(self, lag: float, interval: float) -> None:
         """Take the drive's time constant and the control interval [s]."""
         share = (np.arange(POINTS) + 0.5) / POINTS
-        lag_in_intervals = max(lag, 1e-9) / interval
+        lag_in_intervals = max(lag, MIN_POSITIVE) / interval
         # Shares of a deviation that are left at the points of a step, and at its end.
         self._left_at_points = _tensor(np.exp(-share / lag_in_intervals))
         self._left_at_end = _tensor(np.exp(-1.0 / lag_in_intervals))

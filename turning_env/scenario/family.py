@@ -599,6 +599,7 @@ class Family(Section):
         if split == "train":
             split_key = crc32(b"train")
         else:
+            # 16 hexadecimal digits are the 64 bits of a key of Philox.
             split_key = int(digest_of([self.held_out_key, split])[:16], 16)
         words = philox_4x32(
             keys[:, np.newaxis], attempts, JOB_CHANNEL, numbers, np.uint64(split_key)

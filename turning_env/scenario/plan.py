@@ -23,6 +23,8 @@ MIDDLE = 2  # index of half a life in ``USED_LIVES``
 
 _GRID_SIZE = 20  # speeds, and feeds, that a plan compares, evenly spaced on a logarithmic scale
 _MAX_SPEED_RATIO = 2.0  # of a speed to the base speed, above which torque does not matter
+_MIN_REMOVAL_RATE = 1e-9  # in place of 0, if no set point is within the limits [cm3/min]
+_MIN_POSITIVE = 1e-6  # in place of 0, before its logarithm becomes a feature
 _INFEASIBLE = -1e9  # value of a set point over a limit, less its excess: the least excess is best
 
 
@@ -163,7 +165,7 @@ def plan_of(s: ScenarioBatch) -> Plan:
     sustained = grid.removal_rate / (1.0 + edge_price * grid.life_rate)
     sustained = np.where(excesses[MIDDLE] <= 0.0, sustained, 0.0)
     removal_rate = sustained.reshape(count, -1).max(axis=1)
-    value = grid.removal_rate / np.maximum(_column(removal_rate), 1e-9)
+    value = grid.removal_rate / np.maximum(_column(removal_rate), _MIN_REMOVAL_RATE)
     value = value - edge_price * grid.life_rate
 
     shape = (count, len(USED_LIVES))
@@ -211,7 +213,7 @@ def features(s: ScenarioBatch, plan: Plan) -> dict[str, Array]:
     numbers = _exponents(s)
     numbers |= _log_loads(s, plan)
     for name, value in _positive_numbers(s, plan).items():
-        numbers[f"log_{name}"] = log(np.maximum(value, 1e-6))
+        numbers[f"log_{name}"] = log(np.maximum(value, _MIN_POSITIVE))
     for n, used_life in enumerate(USED_LIVES):
         numbers[f"speed_at_{used_life}"] = log(plan.speed[:, n] / s.machine.cutting_speed_min)
         numbers[f"feed_at_{used_life}"] = log(plan.feed[:, n] / s.machine.feed_min)

@@ -92,6 +92,7 @@ Observations and actions are scaled by them.
 """
 
 _ALL_PRESETS = "python -m turning_env presets"
+MAX_NAME = 64  # characters of a scenario's name
 _MAX_SHOWN = 200  # characters of a value that an error quotes
 
 
@@ -181,10 +182,10 @@ class Scenario(sections.Sections, DerivedQuantities):
     @field_validator("name")
     @classmethod
     def _names_a_folder(cls, name: str) -> str:
-        if not re.fullmatch(r"(?!\.)[A-Za-z0-9_.-]{1,64}", name):
+        if not re.fullmatch(rf"(?!\.)[A-Za-z0-9_.-]{{1,{MAX_NAME}}}", name):
             raise ValueError(
                 f"{name!r} is not allowed: a scenario's name also names a folder, so only "
-                '1 to 64 of the characters A-Z, a-z, 0-9, "_", "-" and ".", '
+                f'1 to {MAX_NAME} of the characters A-Z, a-z, 0-9, "_", "-" and ".", '
                 'the first of them not "."'
             )
         return name
@@ -428,7 +429,7 @@ def name_of_file(path: Path) -> str:
     """
     decomposed = unicodedata.normalize("NFKD", path.stem)
     letters = [letter for letter in decomposed if not unicodedata.combining(letter)]
-    return re.sub(r"^\.|[^A-Za-z0-9_.-]", "_", "".join(letters))[:64]
+    return re.sub(r"^\.|[^A-Za-z0-9_.-]", "_", "".join(letters))[:MAX_NAME]
 
 
 def start_in_range(values: dict[str, Any], stated: Collection[str]) -> dict[str, Any]:

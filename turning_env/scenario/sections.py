@@ -14,6 +14,9 @@ from turning_env.scenario.power_law import PowerLaw
 from turning_env.scenario.section import Section, quantity
 
 MAX_DEPTHS = 64
+_MIN_SECTION_DEPTH = 0.01  # of a section in metal [mm]
+_MAX_SECTION_DEPTH = 50.0  # likewise
+_ROUNDING = 1e-6  # relative error that the sum of the sections' lengths may have
 """Largest number of sections of different depth along a bar."""
 MAX_DELAY = 4
 """Longest delay of commands [control intervals]."""
@@ -321,9 +324,10 @@ class Workpiece(Section):
                 f"more than the allowed {MAX_DEPTHS}"
             )
         for depth in self.depth_profile:
-            if depth != 0.0 and not 0.01 <= depth <= 50:
+            if depth != 0.0 and not _MIN_SECTION_DEPTH <= depth <= _MAX_SECTION_DEPTH:
                 raise ValueError(
-                    f"depth_profile: {depth} is outside the allowed range 0.01 to 50 mm"
+                    f"depth_profile: {depth} is outside the allowed range "
+                    f"{_MIN_SECTION_DEPTH:g} to {_MAX_SECTION_DEPTH:g} mm"
                 )
         for name in ("section_lengths", "section_speeds"):
             values = getattr(self, name)
@@ -334,7 +338,7 @@ class Workpiece(Section):
             if any(value <= 0.0 for value in values):
                 raise ValueError(f"{name} must be above 0")
         total = sum(self.section_lengths)
-        if self.section_lengths and abs(total / self.bar_length - 1.0) > 1e-6:
+        if self.section_lengths and abs(total / self.bar_length - 1.0) > _ROUNDING:
             raise ValueError(
                 f"section_lengths add up to {total:g} mm, but bar_length is {self.bar_length:g} mm"
             )
