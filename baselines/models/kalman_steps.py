@@ -493,8 +493,10 @@ def compare_load(model, memory, mean, law, reading, time_in_metal, scratch):
     )
     memory.expected[law] = expected
     scratch.variance[law] = 0.0
+    # Only a sensor that has covered half of its way to the load tells enough about it.
     if cutting and expected > 0.5 * nominal and load > MIN_READING * nominal:
-        # Behind its lag a reading depends on when the tool entered, which is known to a sub-step.
+        # Behind its lag a reading depends on when the tool entered, which is known to a sub-step:
+        # half of one changes the log of the expected reading by ``timing``.
         timing = 0.0
         if lag > 0.0:
             timing = 0.5 * model.sub_step * (nominal / expected - 1.0) / lag

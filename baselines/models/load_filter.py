@@ -140,17 +140,17 @@ def model_of(scenarios: Sequence[Scenario], errors: LawErrors | None = None) -> 
     mean = np.zeros((len(rows), STATES))
     covariance = parameters["prior"][:, :, np.newaxis] * np.eye(STATES)
     if errors is not None:
-        # Errors of wear are given as those of the used life, which is wear to the power 1 / time
-        # exponent.
+        # The states from ``LOT`` on are the errors, in the same order. Errors of wear are given as
+        # those of the used life, which is wear to the power 1 / time exponent.
         wear_laws = [scenario.material.wear for scenario in scenarios]
         scales = np.ones((len(rows), STATES))
         scales[:, LOT] = [law.time for law in wear_laws]
         scales[:, WEAR_SPEED] = [law.cutting_speed for law in wear_laws]
         scales[:, WEAR_FEED] = scales[:, LOT]
-        scales = scales[:, LOT:]
-        rows_scaled = scales[:, :, np.newaxis] * errors.covariance
-        mean[:, LOT:] = scales * errors.mean
-        covariance[:, LOT:, LOT:] = rows_scaled * scales[:, np.newaxis, :]
+        error_scales = scales[:, LOT:]
+        rows_scaled = error_scales[:, :, np.newaxis] * errors.covariance
+        mean[:, LOT:] = error_scales * errors.mean
+        covariance[:, LOT:, LOT:] = rows_scaled * error_scales[:, np.newaxis, :]
     return NominalModel(parameters, mean, covariance)
 
 

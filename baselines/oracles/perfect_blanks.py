@@ -175,7 +175,7 @@ def _fields(scenario: Scenario, seed: int) -> Any:
 
 
 def _task(scenario: Scenario) -> Task:
-    """Return what plans of a scenario are compared by."""
+    """Return the laws, ranges and prices of a scenario."""
     economics = scenario.economics
     machine = scenario.machine
     work = scenario.workpiece

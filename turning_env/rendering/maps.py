@@ -273,7 +273,8 @@ class OperatingMap:
             ),
         ]
         if base_speed > 0.0:
-            # Below the base speed the torque is limited, which is power over speed.
+            # Below the base speed the torque is limited, which is power over speed [kW min/m]. So
+            # the exponent of speed is 1 less. Idle power is proportional to speed.
             torque = scenario.limits.power / base_speed - idle_power_at(scenario, 1.0)
             half_plane = bound(material.power, torque, cut)
             half_plane = half_plane._replace(cutting_speed=half_plane.cutting_speed - 1.0)

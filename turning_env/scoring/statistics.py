@@ -284,6 +284,7 @@ def quantiles(replicates: Floats, low: float, high: float) -> tuple[float, float
         share = position - below
         lower = float(ordered[below])
         upper = float(ordered[min(below + 1, last)])
+        # NumPy interpolates from the nearer neighbour.
         if share < 0.5:
             values.append(lower + (upper - lower) * share)
         else:
