@@ -117,7 +117,10 @@ def match_on_family(name: str, seed: int) -> Match:
 
 
 def best_rule(env_id: str) -> Opponent:
-    """Return the rule of the highest mean return among the feasible ones of an id's leaderboard."""
+    """Return the rule of the highest mean return among the feasible ones of an id's leaderboard.
+
+    Raise UserError if no feasible rule plays the id.
+    """
     scenario = Scenario.load(IDS[env_id])
     allowance = scenario.limits.overload_allowance
     rules = catalogue.names(scenario)

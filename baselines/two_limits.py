@@ -71,8 +71,8 @@ class Pair(NamedTuple):
 class Optimum(NamedTuple):
     """The economic optimum; arrays of one shape."""
 
-    log_speed: Array
-    log_feed: Array
+    log_speed: Array  # [log m/min]
+    log_feed: Array  # [log mm/rev]
     pair: NDArray[np.int64]
     """Place in ``_pairs`` of the limits that fix the point, or the number of pairs if none do."""
 

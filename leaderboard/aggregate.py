@@ -93,6 +93,10 @@ class TaskScores:
 
     Args:
         leaderboard: ranked results of the task.
+
+    Raises:
+        ResultError: the best fixed parameters or the oracle of the state have not played, or the
+            oracle is not certainly better.
     """
 
     def __init__(self, leaderboard: Leaderboard) -> None:

@@ -58,7 +58,8 @@ _KIND_LOOKS = {
 def write(leaderboard: Leaderboard, path: Path) -> None:
     """Draw a leaderboard, whole or not at all.
 
-    The picture shows at most eight policies, and two of them on the same bar.
+    The picture shows at most eight policies, and two of them on the same bar. Raise ResultError if
+    fewer than two policies have trajectories of the same seed, or the suffix names no format.
     """
     recorded = leaderboard.trajectories.episodes if leaderboard.trajectories else []
     same_seed = [episode for episode in recorded if episode.seed == recorded[0].seed]
@@ -220,7 +221,8 @@ def _draw_along_bar(
 def write_scores(tasks: Sequence[TaskScores], path: Path) -> None:
     """Draw scores over the tasks, whole or not at all: means and performance profiles.
 
-    The lines of the means, which bear the names, are the legend of the profiles.
+    The lines of the means, which bear the names, are the legend of the profiles. Raise ResultError
+    if the suffix names no format.
     """
     every_kind = entries(tasks)
     listed = {title: every_kind[title] for title in _KIND_LOOKS if title in every_kind}

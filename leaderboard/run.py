@@ -97,7 +97,10 @@ class TaskRun:
 
 
 def private_seeds(key: str, count: int) -> list[int]:
-    """Return the first ``count`` seeds that a key of at least 16 characters determines."""
+    """Return the first ``count`` seeds that a key determines.
+
+    Raise ResultError if the key has fewer than ``MIN_KEY`` characters.
+    """
     if len(key) < MIN_KEY:
         raise ResultError(
             f"--private-key: the private key has {len(key)} characters, but must have at least "

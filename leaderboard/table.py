@@ -135,7 +135,8 @@ def selection(
 ) -> str:
     """Return some numbers of some policies as a Markdown table.
 
-    Without ``fields``, return the full costs of ``across``; without ``policies``, return all.
+    Without ``fields``, return the full costs of ``across``; without ``policies``, return all. Raise
+    ResultError if no leaderboard has the policies.
     """
     splits = across(leaderboards)
     if not fields and splits is not None:

@@ -33,6 +33,9 @@ class TargetCommands(torch.nn.Module):
     """A module that converts targets to actions and commands.
 
     The scenario's actions must set the feed (``ACTIONS``); they may also set the speed.
+
+    Raises:
+        ValueError: the scenario has other actions.
     """
 
     ACTIONS = ("incremental", "override")

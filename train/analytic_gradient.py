@@ -258,7 +258,10 @@ class AnalyticGradient(BaseAlgorithm):
 
 
 def new_model(run: Run, vec_env: VecEnv) -> AnalyticGradient:
-    """Return an untrained model."""
+    """Return an untrained model.
+
+    Raise ValueError if ``life_price`` is not one that the teacher knows.
+    """
     assert isinstance(vec_env, HindsightVecEnv)
     # Only some tasks have a price of saturation.
     settings = SimpleNamespace(**({"saturation_price": 0.0} | run.parameters))

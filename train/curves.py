@@ -257,7 +257,7 @@ def draw(algorithm_curves: Mapping[str, Curve], levels: Mapping[str, float]) -> 
 
 
 def named_level(text: str) -> tuple[str, float]:
-    """Return the name and the return [s] of ``NAME=VALUE``."""
+    """Return the name and the return [s] of ``NAME=VALUE``; raise ValueError for another text."""
     name, separator, value = text.rpartition("=")
     level = float(value)
     if not separator or not name or not math.isfinite(level):

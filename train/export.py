@@ -144,7 +144,8 @@ def export(folder: Path, out: Path, name: str | None = None) -> dict[str, Any]:
         of its actions from the agent's, and the number of compared ``observations``.
 
     Raises:
-        ValueError: there can be no file.
+        ValueError: the run has no finished agent, its network cannot be written as ONNX, or the
+            file would act otherwise.
         OSError: no file can be written.
     """
     agent = _of_run(folder, name)

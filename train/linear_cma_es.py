@@ -182,7 +182,10 @@ class LinearCmaEs(BaseAlgorithm):
 
 
 def new_model(run: Run, vec_env: VecEnv) -> LinearCmaEs:
-    """Return an untrained model."""
+    """Return an untrained model.
+
+    Raise ValueError if ``num_envs`` is no multiple of ``population_size``.
+    """
     p = run.parameters
     assert isinstance(vec_env, GroupedVecEnv)
     if p["num_envs"] % p["population_size"]:

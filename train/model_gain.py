@@ -267,7 +267,8 @@ class ModelGain:
         power = power / (speeds / self._base_speed).clamp(max=1.0)
         excess = torch.relu(log_force.exp() - 1.0) + torch.relu(power - 1.0)
 
-        # The law of wear gives W = criterion * (t / life)^g, so life is used at the rate 1 / life.
+        # The law of wear gives W = criterion * (t / life)^n, with n the exponent of time. So life
+        # is used at the rate 1 / life.
         log_wear_in_a_minute = self._wear(*factors, 0.0, truth.log_hardness)
         life_rate = (log_wear_in_a_minute / self._life_exponent).exp() / 60.0  # [1/s]
         overload = self._overload_price * excess
@@ -288,6 +289,7 @@ class ModelGain:
         metal = speeds * feeds * truth.log_depth.exp() / self._reference_rate
         profit = metal - overload - self._time_price
         earned = torch.where(life_price > 0.0, life_price * life_rate, profit)
+        # Where the edge was changed, these are the earnings that it would have had.
         counts = torch.maximum(truth.cutting, truth.changed.unsqueeze(-1))
         going_on = self._interval * (counts * earned).mean(dim=-1)
         going_on = torch.where(truth.failed > 0.0, -self._stop_cost, going_on)

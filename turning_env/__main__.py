@@ -121,6 +121,7 @@ def _schema(_: argparse.Namespace) -> int:
     python -m turning_env schema
     """
     schema = Scenario.model_json_schema()
+    # Files may have these two keys, which are no fields of a scenario.
     schema["properties"]["calibration"] = {
         "type": "object",
         "description": "How the laws were measured; calibrate writes it.",

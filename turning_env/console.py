@@ -97,7 +97,10 @@ def described(text: str | None) -> dict[str, Any]:
 
 
 def number_within(low: float, high: float, unit: str) -> Callable[[str], float]:
-    """Return an argparse type for a number within a range [unit], ends included."""
+    """Return an argparse type for a number within a range [unit], ends included.
+
+    The type raises argparse.ArgumentTypeError for a number outside.
+    """
 
     def number(text: str) -> float:
         value = float(text)
@@ -127,7 +130,10 @@ def whole_number(text: str) -> int:
 
 
 def positive(text: str) -> int:
-    """Return a whole number above 0, as an argparse type; see ``whole_number``."""
+    """Return a whole number above 0, as an argparse type.
+
+    Raise argparse.ArgumentTypeError for others; see ``whole_number``.
+    """
     number = whole_number(text)
     if number < 1:
         raise argparse.ArgumentTypeError(f"{text!r} is not a whole number above 0")
@@ -135,7 +141,10 @@ def positive(text: str) -> int:
 
 
 def picture_path(text: str) -> Path:
-    """Return the path of a picture, as an argparse type: its suffix must name a format."""
+    """Return the path of a picture, as an argparse type.
+
+    Raise argparse.ArgumentTypeError unless its suffix is .png, .svg or .pdf.
+    """
     path = Path(text)
     if path.suffix.lower() not in (".png", ".svg", ".pdf"):
         raise argparse.ArgumentTypeError(f"{text!r} must end in .png, .svg, .pdf")

@@ -112,10 +112,10 @@ class Transition(NamedTuple):
     slope; likewise for the slope.
     """
 
-    field_field: float
-    field_slope: float
-    slope_field: float
-    slope_slope: float
+    field_field: float  # [-]
+    field_slope: float  # [mm]
+    slope_field: float  # [1/mm]
+    slope_slope: float  # [-]
 
 
 class Growth(NamedTuple):

@@ -27,12 +27,12 @@ class Options(NamedTuple):
 
     log_speeds: Any  # ladder of cutting speeds, ascending [log m/min]
     min_log_feed: float  # [log mm/rev]
-    max_log_feed: float
+    max_log_feed: float  # [log mm/rev]
     feed_steps: Any  # log steps from the feed at the limit of force or power
 
 
 class Factors(NamedTuple):
-    """Effects of the steps of feed; arrays of factors."""
+    """Effects of ``Options.feed_steps``: factors on the values at the limit [-], arrays."""
 
     time: Any
     used_life: Any
@@ -47,7 +47,7 @@ class Cell(NamedTuple):
     time: float  # to cross it at 1 m/min and 1 mm/rev [s]
     metal_value: float  # [s]
     log_depth: float  # lowest in a turn [log mm]
-    log_hardness: float
+    log_hardness: float  # [-]
     log_life_rate: float  # rate at which life is used at 1 m/min and 1 mm/rev [log 1/s]
 
 
@@ -68,8 +68,8 @@ class Outcomes(NamedTuple):
 class Outcome(NamedTuple):
     """The best outcome from a cell on."""
 
-    value: float
-    end: float
+    value: float  # return [s]
+    end: float  # cell in which the edge ends
 
 
 @compiled

@@ -154,7 +154,7 @@ def seen_space(env_id: str, scenario: Scenario, parameters: Mapping[str, Any]) -
     """Return the space of an agent's observations.
 
     It is the environment's, with the entries of model and belief that its parameters name; or that
-    of a guide's features.
+    of a guide's features. Raise ValueError if the parameters of a family's agent name no context.
     """
     try:
         context = len(parameters["context"]["names"]) if env_id == FAMILY_ID else 0
@@ -319,7 +319,7 @@ def read(path: Path) -> AgentFile:
 def read_content(path: Path) -> bytes:
     """Read a file, or the only ONNX file in a folder, up to a byte more than is allowed.
 
-    Links, pipes and devices are refused.
+    Raise ValueError for a link, a pipe or a device, and for a folder with none or several.
     """
     if path.is_dir() and not path.is_symlink():
         path = _only_file(path)

@@ -178,7 +178,7 @@ def readable(figure: "Figure") -> "Figure":
 def save(figure: "Figure", path: Path) -> None:
     """Write a figure, whole or not at all, in the format of ``FORMATS`` that the suffix names.
 
-    The same figure always gives the same bytes.
+    The same figure always gives the same bytes. Raise ValueError for another suffix.
     """
     from matplotlib import rc_context
 

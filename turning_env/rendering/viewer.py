@@ -29,6 +29,9 @@ class Viewer:
     imports Pillow and, for a window, pygame; DependencyNotInstalled if one is missing. With the
     environment's mode "human" a window shows every step. The environment's metadata receive the
     frame rate.
+
+    Raises:
+        ValueError: the environment has no such mode of rendering.
     """
 
     def __init__(

@@ -428,7 +428,8 @@ class Family(Section):
     def context_of(self, scenario: Scenario, shown: Mapping[str, float]) -> Array:
         """Return the context of a scenario of one's own, shape (numbers,).
 
-        It describes the nominal model. ``shown`` has the values of ``Family.shown``.
+        It describes the nominal model. ``shown`` has the values of ``Family.shown``. Raise
+        ValueError if one is missing, or has another name.
         """
         if shown.keys() != set(self.shown):
             names = ", ".join(self.shown) or "no values"
@@ -490,7 +491,10 @@ class Family(Section):
 
     @np.errstate(all="ignore")  # numbers that are not finite are refused, or make no sense
     def draw_numbers(self, split: str, numbers: NDArray[np.uint64]) -> DrawnJobs:
-        """Return the jobs with these numbers; jobs that make no sense are drawn again."""
+        """Return the jobs with these numbers; jobs that make no sense are drawn again.
+
+        Raise ValueError if that happens too often in a row.
+        """
         attempts = np.zeros(len(numbers), np.uint64)
         pending = np.arange(len(numbers))
         while pending.size:

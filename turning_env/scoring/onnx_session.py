@@ -35,7 +35,7 @@ class OnnxPolicy:
     def run(self, observations: Floats, memory: Floats) -> tuple[Floats, Floats]:
         """Return the actions and the next memory; leave the policy's own memory as it is.
 
-        Raises as ``act``.
+        Raise ValueError if the network cannot act, or returns other numbers of rows.
         """
         inputs = {"observation": observations}
         if memory.shape[1]:

@@ -251,7 +251,10 @@ class GuardedPolicy:
         sandbox.answer(0)
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Clear the memory of the environments in the mask, shape (num_envs,)."""
+        """Clear the memory of the environments in the mask, shape (num_envs,).
+
+        Raise ValueError if the mask is not bool or has another shape.
+        """
         if mask.shape != (self._num_envs,) or mask.dtype != np.bool_:
             raise ValueError(
                 f"the mask must be bool of shape ({self._num_envs},), "
@@ -262,7 +265,7 @@ class GuardedPolicy:
     def act(self, observations: Observations) -> Actions:
         """Return actions, shape (num_envs, actions), for observations, shape (num_envs, entries).
 
-        Both are float32 and checked.
+        Both are float32. Raise ValueError for other observations, AgentFileError for other actions.
         """
         self._check_observations(observations)
         self.sandbox.send(child.ACT, observations.tobytes())

@@ -78,6 +78,9 @@ def shipped(board: str, seeds: int | None = None) -> tuple[PolicyResult, ...]:
     Args:
         board: an id, or ``FAMILY_ID-NAME``.
         seeds: number of held-out seeds, the first of all; None: all.
+
+    Raises:
+        ValueError: no results of this leaderboard ship.
     """
     path = FOLDER / f"{board}.json.xz"
     if not path.is_file():
