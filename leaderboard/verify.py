@@ -42,7 +42,7 @@ BOUND_SEEDS = 4
 
 @dataclass(frozen=True)
 class Selection:
-    """Which results and agents' files to verify. None: all."""
+    """The results and agents' files to verify; None: all."""
 
     env_id: str | None = None
     scenario: str | None = None

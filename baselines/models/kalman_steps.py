@@ -106,7 +106,7 @@ class Place(NamedTuple):
 
 
 class Transition(NamedTuple):
-    """How a field and its slope follow from those at an earlier place.
+    """The step of a field and its slope from an earlier place.
 
     The field is ``field_field`` times the earlier field plus ``field_slope`` times the earlier
     slope; likewise for the slope.
