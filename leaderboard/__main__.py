@@ -32,6 +32,7 @@ from turning_env.console import (
     DONE,
     FAILED,
     Parser,
+    UserError,
     described,
     exits,
     positive,
@@ -405,6 +406,8 @@ def _show(options: argparse.Namespace) -> None:
     if options.aggregate:
         print(_aggregated(options))
         return
+    if options.policies and options.markdown is None:
+        raise UserError("--policies chooses rows of --markdown and --aggregate: add one of them")
     leaderboards = read_leaderboards(
         options.results,
         env_id=options.env,

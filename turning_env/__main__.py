@@ -10,14 +10,14 @@ from typing import get_args
 import gymnasium
 import numpy as np
 
-from turning_env import ALL_IDS, score
+from turning_env import ALL_IDS, FAMILY_ID, score
 from turning_env.console import Parser, UserError, described, exits, positive, print_json
 from turning_env.extras import provided
 from turning_env.scenario import Scenario, ScenarioError, presets
 from turning_env.scenario.arguments import environment_id
 from turning_env.scoring.adapt import place_in_module
 from turning_env.scoring.sandbox import LIMITS
-from turning_env.scoring.score import Split
+from turning_env.scoring.score import DEFAULT_FAMILY, Split
 
 
 @exits(ScenarioError)
@@ -71,9 +71,8 @@ def _add_score_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--family",
-        default="shop",
         metavar="NAME",
-        help="preset of a family (default: %(default)s)",
+        help=f"preset of a family, with --env {FAMILY_ID} (default: {DEFAULT_FAMILY})",
     )
     parser.add_argument(
         "--seeds",

@@ -143,7 +143,11 @@ def test_the_command_prints_both_tables(
     ):
         write_result(result, folder)
     write_manifest(folder, on)
-    assert main(["show", "--results", str(tmp_path), "--aggregate", "--markdown"]) == 0
+    show = ["show", "--results", str(tmp_path)]
+    assert main([*show, "--aggregate", "--markdown"]) == 0
     tasks_table, means_table = capsys.readouterr().out.strip().split("\n\n")
     assert "| RoughTurning-v0 | `fixed_tuned` 0 | `predictive` 90 | `causal` 100 |" in tasks_table
     assert "| best rule | 1 | 90" in means_table
+    # The plain tables show all policies.
+    assert main([*show, "--policies", "predictive"]) == 2
+    assert "add one of them" in capsys.readouterr().err

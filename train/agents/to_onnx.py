@@ -431,7 +431,8 @@ def _parameters_of_model(model: Any, run: Run) -> dict[str, Any]:
     raise ValueError(
         f"was trained on observations of shape {model.observation_space.shape} or other bounds, "
         f"but {run.env_id} has {plain_space.shape}, with a belief {belief_space.shape}: "
-        "state the --env and --scenario of its training"
+        "state the --env and --scenario of its training; a model behind VecFrameStack or another "
+        "wrapper that changes observations cannot be exported"
     )
 
 

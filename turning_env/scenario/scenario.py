@@ -105,6 +105,7 @@ def shipped(folder: str) -> dict[str, Any]:
 
 
 _PRESETS = shipped("presets")
+_FAMILIES = shipped("families")
 
 
 def always_known(name: str) -> bool:
@@ -258,6 +259,11 @@ class Scenario(sections.Sections, DerivedQuantities):
         """Return the scenario of a preset or a file."""
         if source in _PRESETS:
             return _preset(str(source))
+        if source in _FAMILIES:
+            raise ScenarioError(
+                f"{source} is a family of lathes, not a scenario: "
+                f'gymnasium.make("RoughTurning-Family-v0", family="{source}")'
+            )
         file = Path(source)
         table = table_of(source, _PRESETS, kind="preset", lists_all=_ALL_PRESETS)
         scenario = cls._from_values(table.title, table.values, folder=file.parent)

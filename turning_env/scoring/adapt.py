@@ -50,7 +50,7 @@ def as_factory(
         if hasattr(policy, "reset"):
             return lambda num_envs: _Object(policy)
         return lambda num_envs: _Function(policy.act)
-    if hasattr(policy, "predict"):
+    if hasattr(policy, "predict") and hasattr(policy, "observation_space"):
         return lambda num_envs: _Model(policy, space)
     if is_module(policy):
         return lambda num_envs: ModulePolicy(policy, num_envs)
@@ -199,6 +199,13 @@ class _Model:
                 f"but these have {observations.shape[1]}: play the id or family of its training; "
                 "export a model with a belief by train.export; or give a function of these"
             )
+        actions = self.model.action_space
+        if not isinstance(actions, Box) or not _same_bounds(actions, Box(-1.0, 1.0, actions.shape)):
+            raise ValueError(
+                f"the model was trained on the actions {actions}, as a wrapper such as "
+                "RescaleAction gives, but these are in -1..1: give a function that changes "
+                "actions likewise"
+            )
         if self.space is not None and not _same_bounds(trained, self.space):
             raise ValueError(
                 "the model was trained on observations of other bounds, as a wrapper such as "
@@ -232,6 +239,10 @@ def _same_bounds(space: Any, expected: Any) -> bool:
 
 
 def _onnx(path: Path, limits: Limits) -> PolicyFactory:
+    if path.is_dir():
+        raise ValueError(
+            "is a folder: give an ONNX file, such as python -m train.export writes of a training"
+        )
     try:
         return load(path, limits)
     except FileNotFoundError as error:

@@ -18,7 +18,7 @@ from turning_env import ALL_IDS, FAMILY_ID
 from turning_env.batch.driver import observation_space
 from turning_env.scenario import Scenario
 from turning_env.scenario.arguments import id_instead
-from turning_env.scenario.family import Family
+from turning_env.scenario.family import Family, families
 from turning_env.scoring.adapt import as_factory
 from turning_env.scoring.comparators import CAUSAL, comparators
 from turning_env.scoring.play import Episodes, play, play_family
@@ -49,6 +49,7 @@ VALIDATION_FOLDER = Path(__file__).parent / "validation_results"
 """The same of the ends of the score and the best rule on the first validation seeds, made by
 ``leaderboard pack --validation``."""
 
+DEFAULT_FAMILY = "shop"
 SPLIT = "unseen_jobs"  # split whose first jobs score a policy on a family
 VALIDATION_SEEDS = 256  # number of validation seeds without another, and of those that ship
 
@@ -307,7 +308,7 @@ def score(
     policy: Any,
     env_id: str = "RoughTurning-v0",
     seeds: int | None = None,
-    family: str = "shop",
+    family: str | None = None,
     limits: Limits = LIMITS,
     split: Split = "held_out",
 ) -> Score:
@@ -341,21 +342,20 @@ def score(
             unseen jobs, and observations hold the nominal model's numbers.
         seeds: number of seeds; None: all that the leaderboard has, 256 for RoughTurning-v0, or
             256 validation seeds.
-        family: preset of a family, if ``env_id`` is a family's.
+        family: preset of a family, if ``env_id`` is the family's; None: ``DEFAULT_FAMILY``.
         limits: limits of time and memory of an ONNX file's process.
         split: "held_out", or "validation" for seeds that only the best fixed speed and feed, the
             best rule and the oracle have played: there is a score, and no rank.
 
     Raises:
         TypeError: if the policy is none of these.
-        ValueError: if the policy cannot play, there is no such split, or the id has no leaderboard
-            or fewer seeds.
+        ValueError: if the policy cannot play, there is no such id or split, a family is named with
+            another id, or the id has no leaderboard or fewer seeds.
         AgentFileError: a ValueError, if an ONNX file is refused or exceeds a limit.
     """
-    if env_id not in gymnasium.registry:
-        raise ValueError(f"{env_id!r} is no id; {id_instead(env_id, ALL_IDS)}")
+    family = _family_of(env_id, family)
     is_rule = isinstance(policy, PolicySpec) and policy.kind != "agent"
-    if env_id == FAMILY_ID and is_rule:
+    if family is not None and is_rule:
         raise TypeError(
             f"the rule {policy.name} plays one scenario, but each job of a family is another: "
             f"in a clone, python -m leaderboard run --env {FAMILY_ID} --policies {policy.name} "
@@ -363,12 +363,12 @@ def score(
         )
     if split not in get_args(Split):
         message = f'split is {split!r}, but must be "held_out" or "validation"'
-        if env_id == FAMILY_ID:
+        if family is not None:
             message += ": in a clone, python -m leaderboard run --split plays the other jobs"
         raise ValueError(message)
     validates = split == "validation"
-    board = f"{FAMILY_ID}-{family}" if env_id == FAMILY_ID else env_id
-    jobs = Family.load(family) if env_id == FAMILY_ID else None
+    board = env_id if family is None else f"{FAMILY_ID}-{family}"
+    jobs = None if family is None else Family.load(family)
     if not validates:
         available = shipped(board)[0].returns.shape[1]
         count = available if seeds is None else seeds
@@ -389,7 +389,7 @@ def score(
             make_policy=as_factory(policy, limits, space=space),
         )
     else:
-        scenario = Scenario.load(gymnasium.spec(env_id).kwargs["scenario"])
+        scenario = Scenario.load(gymnasium.registry[env_id].kwargs["scenario"])
         episodes = play(
             as_factory(policy, limits, space=observation_space(scenario)),
             scenario,
@@ -397,6 +397,28 @@ def score(
         )
     others = shipped_validation(board, count) if validates else shipped(board, count)
     return compare(env_id, episodes, scenario=scenario, others=others, split=split)
+
+
+def _family_of(env_id: str, family: str | None) -> str | None:
+    """Return the preset of the family that is scored; None for an id of one scenario.
+
+    ValueError if there is no such id, or if it is not the family's but a family is named.
+    """
+    if env_id == FAMILY_ID:
+        return DEFAULT_FAMILY if family is None else family
+    if env_id in families():
+        raise ValueError(
+            f"{env_id} is a family, not an id: pass {FAMILY_ID!r} and family={env_id!r}"
+        )
+    registered = gymnasium.registry.get(env_id)
+    if registered is None or "scenario" not in registered.kwargs:
+        advice = id_instead(str(env_id), ALL_IDS)
+        raise ValueError(f"{env_id!r} is no id that can be scored; {advice}")
+    if family is not None:
+        raise ValueError(
+            f"family is {family!r}, but {env_id} has no families: pass {FAMILY_ID!r} as the id"
+        )
+    return None
 
 
 def compare(

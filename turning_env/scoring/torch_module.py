@@ -7,6 +7,8 @@ first observation, and returns a tuple of the actions and the next memory.
 """
 
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -60,6 +62,34 @@ def run(module: Any, observations: Any, memory: Any) -> Output:
     return Output(actions, next_memory)
 
 
+def _check_memory(module: Any, next_memory: Any, memory: Any) -> None:
+    """Raise ValueError if the next memory does not have the shape of the present one."""
+    shape = getattr(next_memory, "shape", None)
+    if shape == memory.shape:
+        return
+    returned = _kind(next_memory) if shape is None else f"one of shape {tuple(shape)}"
+    raise ValueError(
+        f"{_name(module)} must return a next memory of shape {tuple(memory.shape)}, as its "
+        f"memory_size is {memory_size(module)}, but returns {returned}"
+    )
+
+
+@contextmanager
+def evaluating(module: Any) -> Iterator[None]:
+    """Put a module into evaluation mode, as its export does, and back at the end.
+
+    In training mode, dropout would act at random, and batch normalisation would learn from the
+    observations that score the module.
+    """
+    in_training = [part for part in module.modules() if part.training]
+    module.eval()
+    try:
+        yield
+    finally:
+        for part in in_training:
+            part.training = True
+
+
 def _name(module: Any) -> str:
     return f"the module {type(module).__name__}"
 
@@ -71,7 +101,7 @@ def _kind(value: Any) -> str:
 
 
 class ModulePolicy(Policy):
-    """A module as a policy; actions are clipped to -1..1."""
+    """A module in evaluation mode as a policy; actions are clipped to -1..1."""
 
     def __init__(self, module: Any, num_envs: int) -> None:
         self._torch: Any = sys.modules["torch"]
@@ -90,9 +120,10 @@ class ModulePolicy(Policy):
 
     def act(self, observations: Observations) -> Actions:
         """Return actions in -1..1, shape (num_envs, actions)."""
-        with self._torch.no_grad():
+        with self._torch.no_grad(), evaluating(self._module):
             inputs = self._torch.as_tensor(observations, **self._tensor_kind)
             output = run(self._module, inputs, self._memory)
         if output.memory is not None:
+            _check_memory(self._module, output.memory, self._memory)
             self._memory = output.memory
         return np.asarray(output.actions.clamp(-1.0, 1.0).cpu().numpy(), np.float32)

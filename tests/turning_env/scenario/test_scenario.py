@@ -261,6 +261,11 @@ def test_unknown_presets_are_refused(make):
         make(3)
 
 
+def test_a_family_is_no_scenario():
+    with pytest.raises(ScenarioError, match='Family-v0", family="shop"'):
+        Scenario.load("shop")
+
+
 @pytest.mark.parametrize("preset", ["h13_romi", "vicomtech"])
 def test_presets_of_measured_sets_need_force_from_a_fresh_edge(preset):
     material = Scenario.load(preset).material

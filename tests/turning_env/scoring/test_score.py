@@ -11,7 +11,7 @@ import gymnasium
 import numpy as np
 import pytest
 import torch
-from gymnasium.wrappers import NormalizeObservation
+from gymnasium.wrappers import NormalizeObservation, RescaleAction
 from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack, VecNormalize
 
@@ -119,6 +119,13 @@ class ActionsAndValues(torch.nn.Module):
         return observations[:, :2], observations[:, 2]
 
 
+class ShrinkingMemory(torch.nn.Module):
+    memory_size = 3
+
+    def forward(self, observations: Any, memory: Any) -> Any:
+        return observations[:, :2], memory[:, :2]
+
+
 class ForgottenMemory(torch.nn.Module):
     memory_size = 3
 
@@ -158,6 +165,7 @@ def test_a_module_with_a_memory_remembers_within_episodes() -> None:
     [
         (ActionsAndValues(), "ActionsAndValues returns a tuple of 2, but must return a tensor"),
         (ForgottenMemory(), "has a memory_size, but returns a Tensor"),
+        (ShrinkingMemory(), r"of shape \(2, 3\), .* but returns one of shape \(2, 2\)"),
     ],
 )
 def test_a_module_that_returns_something_else_is_refused(
@@ -165,6 +173,17 @@ def test_a_module_that_returns_something_else_is_refused(
 ) -> None:
     with pytest.raises(ValueError, match=message):
         score(module, PAPER, seeds=2)
+
+
+def test_a_module_acts_in_evaluation_mode_and_trains_on_afterwards() -> None:
+    """Dropout and batch normalisation act as in the exported file."""
+    module = torch.nn.Sequential(
+        torch.nn.BatchNorm1d(11), torch.nn.Dropout(0.5), torch.nn.Linear(11, 2)
+    )
+    module[0].eval()  # a layer that is frozen in training
+    returns = returns_of(module)
+    assert [layer.training for layer in module] == [False, True, True]
+    assert returns == returns_of(module.eval())
 
 
 @pytest.mark.slow
@@ -302,6 +321,10 @@ class ReturnsPair:
         return full_override(observations), None
 
 
+class Regression:
+    def predict(self, inputs: Any) -> Any: ...
+
+
 class NeedsSize:
     def __init__(self, num_envs: int) -> None: ...
 
@@ -312,6 +335,8 @@ class NeedsSize:
         pytest.param(NeedsSize, TypeError, "object of NeedsSize.*num_envs", id="a class"),
         pytest.param(3, TypeError, "int", id="a number"),
         pytest.param("missing.onnx", FileNotFoundError, "missing.onnx", id="a missing file"),
+        pytest.param(ROOT, ValueError, r"folder: .*train\.export", id="a folder"),
+        pytest.param(Regression(), TypeError, "Regression is no policy", id="no model of SB3"),
         pytest.param(str(ROOT / "README.md"), ValueError, "README.md", id="no network"),
         pytest.param("missing", ValueError, "no such file: .*module:object", id="a bare name"),
         pytest.param("rule.py", ValueError, "such as rule:policy", id="a Python file"),
@@ -349,6 +374,24 @@ def test_a_policy_that_cannot_play_is_refused(
 def test_an_unknown_id_is_refused() -> None:
     with pytest.raises(ValueError, match="did you mean RoughTurning-v0"):
         score(full_feed, "RoughTurning-v1", split="validation")
+
+
+@pytest.mark.parametrize("split", ["held_out", "validation"])
+@pytest.mark.parametrize(
+    ("env_id", "family", "message"),
+    [
+        pytest.param("CartPole-v1", None, "no id that can be scored", id="a foreign id"),
+        pytest.param("RoughTurning-Shft-v0", None, "mean RoughTurning-Shift-v0", id="an error"),
+        pytest.param("unmodelled", None, "family='unmodelled'", id="a family as the id"),
+        pytest.param("RoughTurning-v0", "shop", "RoughTurning-Family-v0", id="a family unused"),
+        pytest.param(None, None, "None is no id", id="no id"),
+    ],
+)
+def test_a_task_that_cannot_be_scored_is_refused(
+    env_id: Any, family: str | None, message: str, split: Any
+) -> None:
+    with pytest.raises(ValueError, match=message):
+        score(full_feed, env_id, 2, family, split=split)
 
 
 def test_a_number_of_seeds_that_the_leaderboard_has_not_is_refused() -> None:
@@ -489,6 +532,41 @@ def halved() -> Any:
     ],
 )
 def test_a_model_behind_a_wrapper_that_changes_observations_is_refused(
+    make_env: Any, message: str
+) -> None:
+    model = PPO("MlpPolicy", make_env(), device="cpu")
+    with pytest.raises(ValueError, match=message):
+        score(model, PAPER, seeds=4)
+
+
+def rescaled_actions() -> Any:
+    rescaled = RescaleAction(gymnasium.make(PAPER), np.float32(0), np.float32(1))
+    return DummyVecEnv([lambda: rescaled])
+
+
+def numbered_actions() -> Any:
+    return DummyVecEnv([lambda: Numbered(gymnasium.make(PAPER))])
+
+
+class Numbered(gymnasium.ActionWrapper[Any, Any, Any]):
+    """Takes one of two actions, by its number."""
+
+    def __init__(self, env: Any) -> None:
+        super().__init__(env)
+        self.action_space = gymnasium.spaces.Discrete(2)
+
+    def action(self, action: Any) -> Any:
+        return np.full(2, action, np.float32)
+
+
+@pytest.mark.parametrize(
+    ("make_env", "message"),
+    [
+        (rescaled_actions, r"actions Box\(0.0, 1.0, .* in -1\.\.1"),
+        (numbered_actions, r"actions Discrete\(2\)"),
+    ],
+)
+def test_a_model_behind_a_wrapper_that_changes_actions_is_refused(
     make_env: Any, message: str
 ) -> None:
     model = PPO("MlpPolicy", make_env(), device="cpu")
