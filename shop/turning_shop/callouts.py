@@ -17,7 +17,7 @@ from matplotlib.text import Annotation, Text
 from matplotlib.transforms import Bbox
 from numpy.typing import NDArray
 from turning_shop.allowed import theoretical_roughness
-from turning_shop.units import Units
+from turning_shop.units import Units, short
 from turning_shop.whatif import Cuts
 
 from turning_env.rendering.plot_style import GREY
@@ -41,6 +41,8 @@ class Look(NamedTuple):
 
 ADVISED = Look("advised, least cost", "o", "black")
 HIGHEST = Look("highest removal rate within the limits", "D", "white")
+BOTH = Look(f"{ADVISED.label}, and {HIGHEST.label}", "D", "black")
+SAME_CUT = 1e-3  # relative difference of speed or feed, up to which two marks are one [-]
 
 
 class Mark(NamedTuple):
@@ -90,8 +92,9 @@ def draw_marks(
             clip_on=False,
             zorder=5,
         )
+        tool_life = short(float(cut.tool_life))
         settings = f"{speed:.0f} m/min, {feed:.3g} mm/rev"
-        results = f"{cut.removal_rate:.0f} cm3/min, tool life {cut.tool_life:.3g} min{star}"
+        results = f"{cut.removal_rate:.0f} cm3/min, tool life {tool_life} min{star}"
         if nose_radius:
             results += f"\nRt {theoretical_roughness(feed, nose_radius):.0f} um"
         results = units.text(results).replace("3/min", "³/min").replace(" um", " µm")
@@ -126,7 +129,10 @@ def handles(marks: Sequence[Mark]) -> list[Line2D]:
 
 
 def place(figure: Figure, callouts: Sequence[Callout]) -> None:
-    """Move the texts of callouts to where they cover no label, mark or other callout."""
+    """Move the texts of callouts to where they cover no label, mark or other callout.
+
+    Labels of lines that an edge of the map would cut off move inside.
+    """
     figure.draw_without_rendering()
     for axes in {callout.axes for callout in callouts}:
         callouts_here = [callout for callout in callouts if callout.axes is axes]
@@ -134,12 +140,23 @@ def place(figure: Figure, callouts: Sequence[Callout]) -> None:
         taken = []
         for text in axes.texts:
             if text not in movable:
+                _move_inside(text, axes.get_window_extent())
                 taken.append(text.get_window_extent())
         for callout in callouts_here:
             taken.append(_extent(callout.mark))
         for callout in callouts_here:
             area = _placed(callout, taken)
             taken.append(area)
+
+
+def _move_inside(text: Text, within: Bbox) -> None:
+    """Move the label of a line to where no edge of the map cuts it off."""
+    area = text.get_window_extent()
+    below = np.maximum(np.asarray(within.min) - area.min, 0.0)
+    above = np.maximum(np.asarray(area.max) - within.max, 0.0)
+    transform = text.get_transform()
+    place = transform.transform(text.get_position()) + below - above
+    text.set_position(transform.inverted().transform(place))
 
 
 def _dpi(mark: Line2D) -> float:

@@ -204,7 +204,10 @@ def _constants(text: str) -> dict[str, float]:
     for column, value in _pairs(text, "cutting_speed=300").items():
         if column not in COLUMNS:
             raise argparse.ArgumentTypeError(f"{column} is no number")
-        constants[column] = _number_or_zero(column, value)
+        try:
+            constants[column] = _number_or_zero(column, value)
+        except ValueError as error:
+            raise argparse.ArgumentTypeError(f"{column}: {value!r} is no number") from error
     return constants
 
 
@@ -360,7 +363,7 @@ def _warn_of_settings(scenario: Scenario, speeds: Sequence[float], feeds: Sequen
         "--cutting-speed",
         speeds,
         low=machine.cutting_speed_min,
-        high=machine.cutting_speed_max,
+        high=float(scenario.cutting_speed_max),
         unit="m/min",
     )
     _warn_of_range("--feed", feeds, low=machine.feed_min, high=machine.feed_max, unit="mm/rev")
@@ -748,7 +751,8 @@ def _stock(text: str) -> "start.Stock":
     match = re.fullmatch(r"(?:bar:)?([\d.]+)[xX]([\d.]+)(mm|in)?", text)
     if match is None:
         raise argparse.ArgumentTypeError(
-            f"{text!r} is not allowed: DIAMETERxLENGTH in mm, such as 80x200, or 3.15x8in"
+            f"{text!r} is not allowed: DIAMETERxLENGTH in mm, such as 80x200, or 3.15x8in; "
+            "decimals have a point"
         )
     within = _millimetres(1.0, 5000.0)
     unit = match[3] or ""
@@ -769,7 +773,8 @@ def _millimetres(low: float, high: float) -> Callable[[str], float]:
         match = re.fullmatch(r"(-?(?:\d+\.?\d*|\.\d+))(mm|in)?", text)
         if match is None:
             raise argparse.ArgumentTypeError(
-                f"{text!r} is no length: give mm, such as 2, or inch, such as 0.08in"
+                f"{text!r} is no length: give mm, such as 2.5, or inch, such as 0.08in; "
+                "decimals have a point"
             )
         number, unit = match.groups()
         return within(str(INCH_LENGTH * float(number)) if unit == "in" else number)

@@ -19,7 +19,16 @@ from numpy.typing import NDArray
 from turning_shop import Values
 from turning_shop.advise import Advice, Plan, headline, summary
 from turning_shop.allowed import allowed_loads, bending, feed_range
-from turning_shop.callouts import ADVISED, HIGHEST, Callout, Mark, draw_marks, place
+from turning_shop.callouts import (
+    ADVISED,
+    BOTH,
+    HIGHEST,
+    SAME_CUT,
+    Callout,
+    Mark,
+    draw_marks,
+    place,
+)
 from turning_shop.callouts import handles as mark_handles
 from turning_shop.fit import SETTINGS
 from turning_shop.prediction import Evidence, predict
@@ -43,7 +52,8 @@ DISCLAIMER = (
     "Nominal values from measured or assumed laws: limits are kept with the edge worn as stated, "
     "at nominal depth and hardness. A simulation's output: try each change carefully."
 )
-TITLE: dict[str, Any] = {"loc": "left", "fontsize": "medium"}
+TITLE_GAP = 9.0  # between a map and its title, wider than half a mark [pt]
+TITLE: dict[str, Any] = {"loc": "left", "fontsize": "medium", "pad": TITLE_GAP}
 _ALLOWED = "#DCEFE6"
 _DOTS = "#999999"
 
@@ -137,8 +147,9 @@ def draw_map_on(
 
     Marks are the advised cut, if there is one, and the highest removal rate if ``has_highest``.
     """
-    machine = scenario.machine
-    speeds = np.linspace(machine.cutting_speed_min, machine.cutting_speed_max, GRID_SIZE)
+    # The highest speed is that of the machine's range, or that of the spindle at this diameter.
+    max_speed = float(scenario.cutting_speed_max)
+    speeds = np.linspace(scenario.machine.cutting_speed_min, max_speed, GRID_SIZE)
     min_feed, max_feed = feed_range(scenario)
     feeds = np.linspace(min_feed, max_feed, GRID_SIZE)
     cuts = what_if(
@@ -520,5 +531,14 @@ def _marks(
     if has_highest and kept.any():
         index = np.where(kept, cuts.removal_rate, 0.0).argmax()
         cut = Cuts._make(np.asarray(values.flat[index]) for values in cuts)
+        if advised is not None and _is_same(advised.cuts, cut):
+            return [Mark(BOTH, advised.cuts, advised.mark)]
         marks.append(Mark(HIGHEST, cut, " *" if extrapolated.flat[index] else ""))
     return marks
+
+
+def _is_same(cut: Cuts, other: Cuts) -> bool:
+    """Return whether two cuts have one place on the map."""
+    is_speed = np.isclose(cut.cutting_speed, other.cutting_speed, rtol=SAME_CUT)
+    is_feed = np.isclose(cut.feed, other.feed, rtol=SAME_CUT)
+    return bool(is_speed and is_feed)

@@ -140,11 +140,20 @@ def test_a_raw_sheet_is_read_as_it_comes(
 
 
 @pytest.mark.parametrize(
-    "option", [["--unit", "wear=kg"], ["--set", "wear=x"], ["--forces", "Fq=Fx"], ["--set", "vc=0"]]
+    ("option", "named"),
+    [
+        (["--unit", "wear=kg"], "wear is not measured in 'kg'"),
+        (["--set", "wear=x"], "wear: 'x' is no number"),
+        (["--forces", "Fq=Fx"], "'Fq=Fx' is not allowed"),
+        (["--set", "vc=0"], "0 is outside"),
+    ],
 )
-def test_malformed_options_are_refused(option: list[str], sheet: Path) -> None:
+def test_malformed_options_are_refused(
+    option: list[str], named: str, sheet: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     with pytest.raises(SystemExit):
         main(["predict", str(sheet), *option])
+    assert named in capsys.readouterr().err
 
 
 def test_readings_beyond_the_others_are_marked(

@@ -25,6 +25,7 @@ from turning_env.__main__ import main
 from turning_env.action import set_point_action
 
 BASE = Scenario()
+UNLIMITED = {"power": 1e4, "thrust_force": 1e6}
 
 
 def test_the_environment_says_the_same() -> None:
@@ -137,6 +138,53 @@ def test_the_map_marks_the_advised_cut_beside_the_highest_removal_rate() -> None
     assert marks["advised, least cost"] == pytest.approx(advised)
     (highest,) = [place for label, place in marks.items() if label.startswith("highest")]
     assert highest != advised
+
+
+def test_the_map_ends_where_the_spindle_does() -> None:
+    scenario = Scenario.load({"spindle": {"max_speed": 400.0}})  # 126 m/min at 100 mm diameter
+    figure = draw_map(scenario, Evidence(), wear=0.1)
+    assert figure.axes[0].get_xlim()[1] == pytest.approx(np.pi * 40.0)
+    (speed, _), *_ = marks_of(figure).values()
+    assert speed <= np.pi * 40.0 + 1e-9
+
+
+def test_a_speed_beyond_the_spindle_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    slow = tmp_path / "slow.toml"
+    slow.write_text('base = "rough_turning"\n[spindle]\nmax_speed = 400.0\n')
+    settings = ["--cutting-speed", "150", "--feed", "0.3", "--wear", "0.1"]
+    assert main(["whatif", str(slow), *settings]) == 0
+    assert "--cutting-speed 150 is outside" in capsys.readouterr().err
+
+
+def test_one_mark_shows_the_advised_cut_that_also_removes_most() -> None:
+    scenario = Scenario.load(
+        {
+            "machine": {"cutting_speed_max": 60.0},
+            "limits": UNLIMITED,
+            "tool": {"edge_strength": NO_STRENGTH},
+        }
+    )
+    plan = advise(scenario, Evidence())[0].plan
+    marks = marks_of(draw_map(scenario, Evidence(), wear=0.1, advised=plan))
+    ((label, place),) = marks.items()
+    assert "advised" in label
+    assert "highest removal rate" in label
+    assert place == pytest.approx((float(plan.cuts.cutting_speed), float(plan.cuts.feed)))
+
+
+def test_no_edge_of_the_map_cuts_off_a_tool_life() -> None:
+    figure = draw_map(BASE, Evidence(), wear=0.2)
+    figure.draw_without_rendering()
+    axes = figure.axes[0]
+    within = axes.get_window_extent().padded(1.0)
+    labels = [text for text in axes.texts if text.get_text().endswith(" min")]
+    assert labels
+    for label in labels:
+        area = label.get_window_extent()
+        assert within.contains(*area.min)
+        assert within.contains(*area.max)
 
 
 @pytest.mark.parametrize("preset", ["rough_turning", "forging", "override"])
