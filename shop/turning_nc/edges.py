@@ -97,13 +97,13 @@ def outside(situation: Situation, played: Play) -> dict[str, NDArray[np.bool_]]:
     time_of_line = np.maximum(time_of_line, 1e-9)
     values = factors(situation, played)
     marks = {}
-    for name, measured, is_outside in prediction.outside(evidence, values):
+    for measured in prediction.outside(evidence, values):
         mark = np.zeros(len(on), np.bool_)
-        mark[on] = is_outside
+        mark[on] = measured.outside
         marked_time = np.bincount(line, played.time * mark)
         is_brief = marked_time / time_of_line <= MAX_BRIEF
-        factor = name.replace("_", " ")
-        text = f"{factor} outside the {evidence.range_name} {measured}"
+        factor = measured.factor.replace("_", " ")
+        text = f"{factor} outside the {evidence.range_name} {measured.text}"
         marks[text] = mark & ~is_brief[line]
     return marks
 

@@ -26,7 +26,7 @@ from turning_shop.catalogue import UNMEASURED
 from turning_shop.fit import LEVEL
 from turning_shop.prediction import Evidence, Prediction, outside, predict
 from turning_shop.tables import records
-from turning_shop.units import METRIC, Units
+from turning_shop.units import METRIC, Units, short
 from turning_shop.whatif import CHANGES, NO_LIMIT, Cuts, what_if
 
 from turning_env.physics.spindle import capacity_at
@@ -129,6 +129,7 @@ class Bound(NamedTuple):
     limit: str  # the name, the value and its unit
     law: str  # what is known of its law; empty for a range of the machine
     without: Plan  # the advice without it, or with the range wider by ``WIDER``
+    joint: str = ""  # other ends of the range that bind with it, as text after ``limit``
 
 
 class Advice(NamedTuple):
@@ -143,7 +144,8 @@ class Advice(NamedTuple):
         bounds = []
         for bound in self.bounds:
             without = bound.without.as_record()
-            bounds.append({"limit": bound.limit, "law": bound.law, "without": without})
+            limit = bound.limit + bound.joint
+            bounds.append({"limit": limit, "law": bound.law, "without": without})
         return {"aim": self.aim, **self.plan.as_record(), "bounds": bounds}
 
 
@@ -322,6 +324,11 @@ class _Limit(NamedTuple):
     no_limit: float | str | None = None
     widening: float = 1.0  # factor that moves an end of a range
 
+    @property
+    def path(self) -> str:
+        """The field in the scenario."""
+        return f"{self.section}.{self.name}"
+
 
 _LOAD_LIMITS = (
     _Limit("limits", "power", "kW", no_limit=NO_LIMIT["power"]),
@@ -339,6 +346,8 @@ _RANGE_ENDS = (
     _Limit("tool", "nose_radius", "mm", widening=1.0 + WIDER),
     _Limit("limits", "roughness", widening=1.0 + WIDER),
 )
+_HIGHEST_FEEDS = ("feed_max", "nose_radius", "roughness", "chip_feed_max")
+_HIGHEST_SPEEDS = ("cutting_speed_max", "max_speed")
 # The window of the chip breaker counts only if chips tangle outside it.
 _CHIP_WINDOW = (
     _Limit("swarf", "chip_feed_min", "mm/rev", widening=1.0 - WIDER),
@@ -351,24 +360,72 @@ def _bounds(scenario: Scenario, evidence: Evidence, aim: str, best: Plan) -> Ite
     limits: tuple[_Limit, ...] = _LOAD_LIMITS + _RANGE_ENDS
     if scenario.swarf.tangle_rate > 0.0:
         limits += _CHIP_WINDOW
-    objective = _objective(best, aim)
+    bound_names: set[str] = set()
     for limit in limits:
         lifted = _lifted(scenario, limit)
-        if lifted == scenario:
-            continue  # the limit is off
-        better = best_plan(lifted, evidence, tried_plans(lifted, evidence), aim=aim)
-        if not better or objective - _objective(better, aim) <= BINDS * abs(objective):
-            continue
         is_load = limit.no_limit is not None
-        if not is_load and _in_range(scenario, better.cuts):
-            continue  # better only because a wider range has other round numbers
-        name = f"{limit.section}.{limit.name}"
+        better = _better(scenario, evidence, aim, best=best, lifted=lifted, is_load=is_load)
+        if better is None:
+            continue
+        bound_names.add(limit.name)
         yield Bound(
-            name,
-            limit=f"{name}, {_shown_value(scenario, limit, best.cuts)}",
+            limit.path,
+            limit=_named_value(scenario, limit, best.cuts),
             law=_law_known(limit, evidence) if is_load else "",
             without=better,
         )
+    # Of two ends at the same feed or speed neither binds alone, but both together may.
+    for names in (_HIGHEST_FEEDS, _HIGHEST_SPEEDS):
+        ends = [limit for limit in limits if limit.name in names]
+        if not bound_names.intersection(names):
+            yield from _joint_bound(scenario, evidence, aim, best=best, ends=ends)
+
+
+def _better(
+    scenario: Scenario, evidence: Evidence, aim: str, best: Plan, lifted: Scenario, is_load: bool
+) -> Plan | None:
+    """Return the best plan of a scenario with lifted limits; None if the aim gains too little."""
+    if lifted == scenario:
+        return None  # the limit is off
+    better = best_plan(lifted, evidence, tried_plans(lifted, evidence), aim=aim)
+    objective = _objective(best, aim)
+    if not better or objective - _objective(better, aim) <= BINDS * abs(objective):
+        return None
+    if not is_load and _in_range(scenario, better.cuts):
+        return None  # better only because a wider range has other round numbers
+    return better
+
+
+def _joint_bound(
+    scenario: Scenario, evidence: Evidence, aim: str, best: Plan, ends: list[_Limit]
+) -> Iterator[Bound]:
+    """Yield the bound of the ends of one range that bind together, if they do."""
+    widened = scenario
+    for end in ends:
+        widened = _lifted(widened, end)
+    better = _better(scenario, evidence, aim, best=best, lifted=widened, is_load=False)
+    if better is None:
+        return
+    # An end belongs to them if the cut is out of reach with this end alone left as it is.
+    binding = []
+    for end in ends:
+        others = scenario
+        for other in ends:
+            if other != end:
+                others = _lifted(others, other)
+        if not _in_range(others, better.cuts):
+            binding.append(end)
+    first, *others = binding
+    joint = ""
+    for end in others:
+        joint += f", with {_named_value(scenario, end, best.cuts)}"
+    limit = _named_value(scenario, first, best.cuts)
+    yield Bound(first.path, limit=limit, law="", without=better, joint=joint)
+
+
+def _named_value(scenario: Scenario, limit: _Limit, cuts: Cuts) -> str:
+    """Return a limit and its value, for people."""
+    return f"{limit.path}, {_shown_value(scenario, limit, cuts)}"
 
 
 def _lifted(scenario: Scenario, limit: _Limit) -> Scenario:
@@ -507,19 +564,24 @@ def headline(scenario: Scenario, evidence: Evidence, advice: list[Advice]) -> It
     cost = f"{money(best.cost)} {unit} a part{interval}"
     yield f"Cut {best.where}: {cost}{best.mark}"
     if best.mark:
-        values = best.cuts._asdict()
-        beyond = []
-        for name, measured, is_outside in outside(evidence, values):
-            if is_outside:
-                value = f"{name} {values[name]:.3g}"
-                beyond.append(f"{value}, but {evidence.origins} at {measured}")
-        yield f"* outside what was {evidence.origins}: {'; '.join(beyond)}"
+        yield extrapolation(evidence, best)
     yield from _margins(allowed_loads(scenario), scenario)
     for bound in advice[0].bounds:
         yield bound_sentence(bound, unit)
     if not advice[0].bounds:
         yield "No limit rules out a cheaper cut: time and edges are in balance"
     yield surface(scenario, best)
+
+
+def extrapolation(evidence: Evidence, best: Plan) -> str:
+    """Return a sentence on the factors of a plan's cut that lie outside what was measured."""
+    values = best.cuts._asdict()
+    beyond = []
+    for measured in outside(evidence, values):
+        if measured.outside:
+            value = f"{measured.factor} {values[measured.factor]:.3g} {measured.unit}".rstrip()
+            beyond.append(f"{value}, but {evidence.origins} at {measured.text}")
+    return f"* outside what was {evidence.origins}: {'; '.join(beyond)}"
 
 
 def surface(scenario: Scenario, best: Plan) -> str:
@@ -546,7 +608,7 @@ def bound_sentence(bound: Bound, unit: str) -> str:
         change = f"; with a range {100 * WIDER:g} % wider"
     better = bound.without
     cost = f"{money(better.cost)} {unit} a part{better.mark}"
-    return f"{bound.limit}, rules out a cheaper cut{change} {better.where}: {cost}"
+    return f"{bound.limit}{bound.joint}, rules out a cheaper cut{change} {better.where}: {cost}"
 
 
 def _margins(allowed: Allowed, scenario: Scenario) -> Iterator[str]:
@@ -632,7 +694,7 @@ def _row(advice: Advice, units: Units) -> list[str]:
         advice.aim,
         units.cell(float(cuts.cutting_speed), "m/min", ".4g"),
         units.cell(float(cuts.feed), "mm/rev", ".4g"),
-        f"{best.parts:.3g}",
+        short(float(best.parts)),
         units.cell(float(cuts.wear), "mm", ".3g"),
         tool_life,
         units.cell(float(cuts.thrust_force), "N", ".0f"),

@@ -112,6 +112,7 @@ class MeasuredRange(NamedTuple):
     """The range of a factor in which all laws were measured."""
 
     factor: str
+    unit: str  # of the factor; empty for a ratio
     text: str  # the range for people
     outside: NDArray[np.bool_]  # whether values lie outside
 
@@ -133,7 +134,9 @@ def outside(evidence: Evidence, values: Mapping[str, Values]) -> Iterator[Measur
         high = min(highs)
         ends = f"{low:.3g}" if low == high else f"{low:.3g} to {high:.3g}"
         is_outside = _beyond(values[name], low, high)
-        yield MeasuredRange(name, f"{ends} {column.unit}", outside=is_outside)
+        unit = column.unit.replace("-", "")
+        text = f"{ends} {unit}".rstrip()
+        yield MeasuredRange(name, unit, text=text, outside=is_outside)
 
 
 def _beyond(values: Values, low: float, high: float) -> NDArray[np.bool_]:

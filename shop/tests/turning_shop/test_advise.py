@@ -101,6 +101,23 @@ def test_an_end_of_the_machines_range_that_binds_has_the_advice_of_a_wider_one(
     assert "10 % wider" in "\n".join(headline(Scenario(), Evidence(), advice))
 
 
+def test_two_ends_at_the_same_feed_bind_together() -> None:
+    # Neither binds alone: half the nose radius is the highest feed of the machine.
+    scenario = Scenario.load(
+        {
+            "limits": {"power": 1e4, "thrust_force": 1e6},
+            "tool": UNBREAKABLE | {"nose_radius": 0.6},
+            "machine": {"feed_max": 0.3},
+        }
+    )
+    advice = advise(scenario, Evidence())
+    (bound,) = advice[0].bounds
+    assert bound.name == "machine.feed_max"
+    assert bound.without.cost < 0.995 * advice[0].plan.cost
+    text = "\n".join(headline(scenario, Evidence(), advice))
+    assert "machine.feed_max, 0.3 mm/rev, with tool.nose_radius, 0.6 mm, rules out" in text
+
+
 def test_an_edge_that_lasts_no_part_is_changed_within_one() -> None:
     scenario = Scenario.load({"workpiece": {"bar_length": 5000.0}})
     planned = plan(scenario, Evidence(), cutting_speed=150.0, feed=0.3, wear=0.3)
@@ -194,9 +211,9 @@ RECOMMENDED = {
         speeds=(100, 180),
     ),
     # 200 at 0.5 and 270 at 0.3 mm/rev, K325, DGI Supply, turning, p. 5.
-    "GG25 (K16)": Recommended(
-        unit_force=1350.0,
-        chip_exponent=0.28,
+    "GG25 (K15)": Recommended(
+        unit_force=1150.0,
+        chip_exponent=0.20,
         start_speed=200.0,
         max_feed=0.5,
         speeds=(190, 270),
