@@ -72,6 +72,8 @@ def _dxf_lines(path: Path) -> list[list[Point]]:
     regular_file(path, MAX_BYTES)
     try:
         drawing = ezdxf.readfile(path)
+    except PermissionError:
+        raise
     except Exception as error:  # the package raises errors of many types for damaged files
         raise NcError(f"{path}: is no DXF drawing: {error}") from None
     unit = MILLIMETRES.get(drawing.units)

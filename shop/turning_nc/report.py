@@ -180,8 +180,8 @@ def changes(changed: Sequence[Change], nose_radius: float | None) -> list[str]:
     for change in changed:
         roughness = ""
         if change.feeds and nose_radius:
-            depths = [f"{theoretical_roughness(feed, nose_radius):.1f}" for feed in change.feeds]
-            roughness = f" (theoretical roughness Rt {' -> '.join(depths)} um)"
+            depths = [f"{theoretical_roughness(feed, nose_radius):.1f} um" for feed in change.feeds]
+            roughness = f" (theoretical roughness Rt {' -> '.join(depths)})"
         before = change.before or "new word"
         lines.append(f"  line {change.line}: {before} -> {change.after}{roughness}")
     highest = max(map(_raised_feed, changed), default=0.0)

@@ -22,6 +22,7 @@ from turning_shop.advise import (
     advise,
     best_plan,
     bound_sentence,
+    extrapolation,
     money,
     plan,
     surface,
@@ -205,7 +206,11 @@ def job_of(question: Question) -> Job:
         assumptions = (f"no --depth is given: {depth:.3g} mm, the usual one of its chip breaker",)
     start = start_of(material.group, grade)
     if question.start_speed is not None:
-        start = stated_start(question.start_speed, insert.cut.feed.usual, depth)
+        feed = insert.cut.feed.usual
+        if question.feeds is not None:
+            # The box states its start speed at the middle of its own window.
+            feed = sum(question.feeds) / 2
+        start = stated_start(question.start_speed, feed, depth)
     window = _window(question, insert=insert, start=start, machine=machine, stated=stated)
     _check_depth(depth, insert, stock=question.stock)
 
@@ -599,7 +604,7 @@ def sentence(job: Job, advice: list[Advice]) -> str:
     edge = f"{_parts(best.parts)} ({parts}) {_parts_word(best.parts)} an edge"
     unit = Prices.of(job.scenario).unit
     interval = f"{money(best.cost_low)} to {money(best.cost_high)}"
-    cost = f"{money(best.cost)} {unit} a part ({interval})"
+    cost = f"{money(best.cost)} {unit} a part ({interval}){best.mark}"
     narrowing = narrowings(job, best)[0]
     return (
         f"Cut {speed}, {feed}, {depth}: {edge}, {cost}; {_binding(job, advice[0])}; "
@@ -622,6 +627,8 @@ def _answer(job: Job, advice: list[Advice]) -> Iterator[str]:
     prices = Prices.of(scenario)
     yield sentence(job, advice)
     yield ""
+    if advice[0].plan.mark:
+        yield extrapolation(job.evidence, advice[0].plan)
     for bound in advice[0].bounds:
         owner = ", of the catalogue" if bound.name in job.window.catalogue_ends else ""
         yield bound_sentence(bound._replace(limit=bound.limit + owner), prices.unit)

@@ -138,6 +138,8 @@ def _tools_of_csv(text: str) -> Iterator[Tool]:
     separator = max(",;\t", key=first_line.count)
     rows = csv.reader(io.StringIO(text, newline=""), delimiter=separator)
     header = next(rows, [])
+    if not any(header):
+        raise WorkshopError("is empty: a header and rows of tools are needed")
     places: dict[int, str] = {}
     for place, cell in enumerate(header):
         name = _field_of(cell)

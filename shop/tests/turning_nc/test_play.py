@@ -464,7 +464,7 @@ def test_an_implausible_program_is_adapted_by_force_alone(
     assert main([*words, "--force"]) == 0
     assert "need a nose radius" in capsys.readouterr().out
     assert main([*words, "--force", "--nose-radius", "0.6"]) == 0
-    assert "F0.25 -> F0.3 (theoretical roughness Rt 13.0 -> 18.8 um)" in capsys.readouterr().out
+    assert "F0.25 -> F0.3 (theoretical roughness Rt 13.0 um -> 18.8 um)" in capsys.readouterr().out
 
 
 # Kinds of tools.

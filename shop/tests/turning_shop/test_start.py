@@ -16,6 +16,7 @@ from turning_shop.catalogue.inserts import read_insert
 from turning_shop.catalogue.materials import find_material
 from turning_shop.catalogue.start_values import read_grade, start_of
 from turning_shop.start import Job, Question, Stock, job_of, sentence, start_advice
+from turning_shop.whatif import what_if
 
 from tests.walking import ROOT, blocks, commands
 from turning_env import Scenario
@@ -162,6 +163,7 @@ def test_a_material_is_found_by_group_number_and_name(text: str, group: str) -> 
         ("42CrMo5", "did you mean 42CRMO4"),
         ("P14", "P1, P2"),
         ("H38", "measure a cut"),
+        ("42CrMo4+QT", r"annealed it is P6, quenched and tempered it is P7 \(275 HB\)"),
         ("cheese", "give its group"),
     ],
 )
@@ -227,6 +229,38 @@ def test_a_tougher_grade_cuts_slower_between_its_neighbours() -> None:
     speeds = [start_of(group, read_grade(f"P{number}")).speed for number in (15, 20, 25, 35)]
     assert speeds == sorted(speeds, reverse=True)
     assert start_of(group, read_grade("K10")).assumptions
+    (assumed,) = start_of(group, read_grade("K20")).assumptions
+    assert "that of P20" in assumed
+
+
+def test_the_start_speed_of_a_box_is_that_of_the_middle_of_its_feeds() -> None:
+    question = Question(
+        "P6", "CNMG120408-PM", "P25", BAR, depth=2.0, start_speed=200.0, feeds=(0.1, 0.3)
+    )
+    scenario = job_of(question).scenario
+    cuts = what_if(scenario, 200.0, 0.2, wear=0.1)
+    assert cuts.tool_life == pytest.approx(15.0)
+
+
+def test_a_cut_beyond_the_catalogue_is_marked_and_explained(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "slow.toml"
+    path.write_text("[spindle]\nmax_speed = 2500.0\n")
+    words = "--material C45 --tool TNMG160404-MF --grade P15 --stock 12x50 --depth 1 --units inch"
+    assert main(["advise", *words.split(), "--machine", str(path)]) == 0
+    printed = capsys.readouterr().out
+    answer, *_ = printed.splitlines()
+    assert " *; " in answer
+    assert "* outside what was in the catalogue: cutting_speed 309 SFM, but" in printed
+
+
+@pytest.mark.parametrize("words", ["--stock 80,5x200 --depth 2", "--stock 80x200 --depth 2,5"])
+def test_a_decimal_comma_asks_for_a_point(words: str, capsys: pytest.CaptureFixture[str]) -> None:
+    question = "--material P6 --tool CNMG120408 --grade P25"
+    with pytest.raises(SystemExit):
+        main(["advise", *question.split(), *words.split()])
+    assert "decimals have a point" in capsys.readouterr().err
 
 
 def test_the_answer_has_intervals_a_limit_and_what_to_measure(machine: str) -> None:

@@ -92,6 +92,7 @@ def test_a_p21_file_is_read(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "text", "named"),
     [
+        ("empty.csv", "", "is empty"),
         ("a.csv", "vc,f\n1,2\n", "no column designation"),
         ("b.csv", "insert,f\nCNMG120408,fast\n", "line 2, feed"),
         ("c.csv", "insert,RE\nCNMG120408,0.4\n", "designation says 0.8"),

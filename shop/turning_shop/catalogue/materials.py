@@ -154,6 +154,8 @@ def _by_name() -> dict[str, Material]:
 
 
 _BY_NAME = _by_name()
+# States of delivery of EN 10027-1, as in 42CrMo4+QT.
+_STATE = re.compile(r"(.+)\+[A-Z]+")
 _PREFIXES = ("AISI", "SAE", "ASTM", "UNS", "JIS", "DIN", "EN", "W.NR.", "WNR", "AL", "AA")
 
 
@@ -169,7 +171,18 @@ def find_material(text: str) -> Material:
     for prefix in ("", *_PREFIXES):
         if material := _BY_NAME.get(plain.removeprefix(prefix)):
             return material._replace(name=text.strip())
+    if state := _STATE.fullmatch(plain):
+        group = find_material(state[1]).group.name
+        raise WorkshopError(
+            f"--material {text}: states of delivery are not in the table: give the group of VDI "
+            f"3323; annealed it is {group}{_harder(group)}"
+        )
     raise WorkshopError(f"--material {text}: {_what_is_near(plain)}")
+
+
+def _harder(group: str) -> str:
+    """Return the groups of a group's alloys in another state, for people; empty without any."""
+    return f", {HARDER[group]}" if group in HARDER else ""
 
 
 def _what_is_near(plain: str) -> str:

@@ -38,6 +38,11 @@ class StartValue(NamedTuple):
     source: str
 
     @property
+    def described(self) -> str:
+        """The source, with the feed and the depth at which it states the speed."""
+        return f"{self.source}, at {self.feed:g} mm/rev and {self.depth:g} mm"
+
+    @property
     def reference_speed(self) -> float:
         """The usual speed at the reference feed and depth [m/min]."""
         by_feed = (self.feed / REFERENCE_FEED) ** FEED_EXPONENT
@@ -182,7 +187,7 @@ def start_of(group: Group, grade: Grade) -> Start:
         usual=_between(below.speed.usual, above.speed.usual, share),
         high=_between(below.speed.high, above.speed.high, share),
     )
-    sources = dict.fromkeys((below.source, above.source))
+    sources = dict.fromkeys((below.described, above.described))
     return Start(
         speeds=speeds,
         speed=_between(below.reference_speed, above.reference_speed, share),
@@ -199,7 +204,7 @@ def stated_start(speed: float, feed: float, depth: float) -> Start:
         speeds=Range(0.75 * speed, speed, 1.25 * speed),
         speed=value.reference_speed,
         deviation=STATED_DEVIATION,
-        sources=(f"--start-speed {speed:g} m/min at {feed:g} mm/rev, {depth:g} mm",),
+        sources=(f"--start-speed {speed:g} m/min, at {feed:g} mm/rev and {depth:g} mm",),
         assumptions=("the start speed that you state lasts 15 min, within 20 % of speed",),
     )
 
@@ -215,13 +220,14 @@ def _between(low: float, high: float, share: float) -> float:
 
 def _assumptions(group: Group, grade: Grade, below: StartValue, above: StartValue) -> list[str]:
     assumptions = []
+    nearest = min(max(grade.number, below.grade), above.grade)
     if grade.letter != group.letter:
         assumptions.append(
             f"grade {grade.name} is made for {grade.letter}, not for {group.letter}: the start "
-            f"value is that of {group.letter}{below.grade}; --start-speed states that of the box"
+            f"value is that of {group.letter}{nearest}; --start-speed states that of the box"
         )
     elif not below.grade - 5 <= grade.number <= above.grade + 5:
         assumptions.append(
-            f"no start value of {grade.name} is known: that of {group.letter}{below.grade} is taken"
+            f"no start value of {grade.name} is known: that of {group.letter}{nearest} is taken"
         )
     return assumptions
