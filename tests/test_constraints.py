@@ -94,11 +94,14 @@ def test_every_package_of_an_extra_is_imported() -> None:
     code = "\n".join(path.read_text("utf-8") for path in sources)
     imported = set(re.findall(r"^ *(?:from|import) (\w+)", code, re.MULTILINE))
     imported |= set(re.findall(r'import_module\("(\w+)', code))
-    modules = packages_distributions()
-    used = {name for module in imported for name in modules.get(module, [])}
-    used = {name.lower().replace("_", "-") for name in used}
+    distributions_of = packages_distributions()
+    used = set()
+    for module in imported:
+        for name in distributions_of.get(module, []):
+            used.add(name.lower().replace("_", "-"))
     for project in (PROJECT, SHOP):
         for extra, needs in project["project"]["optional-dependencies"].items():
             if extra not in OF_THE_CLONE:
-                unused = {distribution_of(need) for need in needs} - used - USED_BY_OTHERS.keys()
+                needed = {distribution_of(need) for need in needs}
+                unused = needed - used - USED_BY_OTHERS.keys()
                 assert not unused, extra

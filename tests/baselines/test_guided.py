@@ -59,7 +59,8 @@ def test_decisions_limit_the_speed_and_the_used_life():
             if step > 20:  # the job starts at a speed of its own
                 fastest = max(fastest, infos["cutting_speed"][0])
             longest = max(longest, infos["used_life"][0])
-        speeds.append(fastest / (START_SHARE * models[0].machine.cutting_speed_max))
+        highest_start = START_SHARE * models[0].machine.cutting_speed_max
+        speeds.append(fastest / highest_start)
         lives.append(longest)
     limits = 0.8 * np.exp([-0.6, 0.12])
     np.testing.assert_array_less(speeds, limits + 1e-6)
@@ -74,8 +75,9 @@ def test_a_batch_decides_as_its_environments_alone_and_as_often_as_it_should():
     singles = [GuidedPolicy(Constant(0.1, 0.1), [model]) for model in models]
     for _ in range(90):
         actions = policy.act(observations)
-        for i, single in enumerate(singles):
-            np.testing.assert_array_equal(single.act(observations[[i]])[0], actions[i])
+        for index, single in enumerate(singles):
+            action = single.act(observations[[index]])[0]
+            np.testing.assert_array_equal(action, actions[index])
         observations, *_ = env.step(actions)
     assert len(guide.shown) == 3
     space = feature_space(len(FAMILY.context_names))
@@ -100,14 +102,19 @@ def test_it_remembers_the_edge_that_broke():
     assert history["life_at_breakage"] == pytest.approx(used, rel=0.03)  # by the measured wear
 
 
+def numbers_shown(job):
+    """Return the numbers of a job that its family shows, from its context."""
+    mean, spread = FAMILY.context_scale
+    values = job.context * spread + mean
+    numbers = dict(zip(FAMILY.context_names, values, strict=True))
+    return {name: numbers[name] for name in FAMILY.shown}
+
+
 def test_a_lathe_of_ones_own_has_the_context_of_a_job_that_is_alike():
     job = FAMILY.job(5)
     _, observations = environments(5)
     models = nominal_models(5)
-    mean, spread = FAMILY.context_scale
-    numbers = dict(zip(FAMILY.context_names, job.context * spread + mean, strict=True))
-    shown = {name: numbers[name] for name in FAMILY.shown}
-    context = FAMILY.context_of(job.scenario, shown).astype(np.float32)
+    context = FAMILY.context_of(job.scenario, numbers_shown(job)).astype(np.float32)
     without_context = observations[:, : -len(context)]
     guide = Constant(0.0, 0.0)
     guide_of_own = Constant(0.0, 0.0)
@@ -115,8 +122,18 @@ def test_a_lathe_of_ones_own_has_the_context_of_a_job_that_is_alike():
     GuidedPolicy(guide_of_own, models, context[np.newaxis]).act(without_context)
     np.testing.assert_allclose(guide_of_own.shown[0], guide.shown[0], atol=1e-6)
 
-    automatic = changed(models[0], control={"edge_changes": "automatic"})
-    policy = GuidedPolicy(guide, [automatic], context[np.newaxis])
+
+def test_a_guide_plays_a_lathe_that_changes_edges_by_itself():
+    job = FAMILY.job(5)
+    _, observations = environments(5)
+    (model,) = nominal_models(5)
+    context = FAMILY.context_of(job.scenario, numbers_shown(job)).astype(np.float32)
+    without_context = observations[:, : -len(context)]
+    automatic = changed(model, control={"edge_changes": "automatic"})
+    policy = GuidedPolicy(Constant(0.0, 0.0), [automatic], context[np.newaxis])
     assert policy.act(without_context).shape == (1, 2)
+
+
+def test_a_number_that_a_context_lacks_is_named():
     with pytest.raises(ValueError, match="stiffness"):
-        FAMILY.context_of(job.scenario, {"heat": 0.5})
+        FAMILY.context_of(FAMILY.job(5).scenario, {"heat": 0.5})

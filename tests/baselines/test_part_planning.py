@@ -4,20 +4,14 @@ import numpy as np
 import pytest
 
 from baselines.part_planning import RuledParts, pass_depths, plan
-from tests.turning_env.playing import changed, infos
+from tests.turning_env.playing import NO_SPREAD, changed, infos
 from turning_env import RoughTurningEnv, Scenario
 
 BATCH = Scenario.load("batch_casting")
-SPREADS = {
-    "hardness_bar_spread": 0.0,
-    "hardness_along_spread": 0.0,
-    "depth_bar_spread": 0.0,
-    "depth_along_spread": 0.0,
-}
 
 
 def test_a_plan_is_turned_as_it_says():
-    scenario = changed(BATCH, workpiece=SPREADS | {"depth_of_cut": 6.0})
+    scenario = changed(BATCH, workpiece=NO_SPREAD | {"depth_of_cut": 6.0})
     actions = plan(
         scenario,
         passes=np.array([3.0]),
@@ -59,7 +53,7 @@ def test_depths_of_passes(allowance, path, passes, expected):
     ],
 )
 def test_no_pass_is_planned_too_deep_for_a_further_limit(margin, in_one_pass):
-    scenario = changed("batch_p20", workpiece=SPREADS | {"depth_of_cut": 4.0})
+    scenario = changed("batch_p20", workpiece=NO_SPREAD | {"depth_of_cut": 4.0})
     observation, _ = RoughTurningEnv(scenario).reset(seed=0)
     policy = RuledParts(scenario, "PV", corrected=True, margin=margin, first_margin=margin)
     policy.reset(np.ones(1, np.bool_))

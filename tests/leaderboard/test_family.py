@@ -1,9 +1,13 @@
 """Families as tasks: policies are built for each job, ranked and verified as on other tasks."""
 
+import contextlib
+import io
 import json
 import pickle
+import shutil
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import cloudpickle
 import numpy as np
@@ -260,44 +264,94 @@ def test_trajectories_of_jobs_are_those_that_were_played(tmp_path: Path) -> None
         assert trajectory.limits.wear == scenario.tool.wear_criterion
 
 
-@pytest.mark.slow
-def test_a_family_of_ones_own_is_played_ranked_and_packed(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    toml = tmp_path / "brief.toml"
+class Run(NamedTuple):
+    """A run of rules and of an agent on the splits of a family of one's own."""
+
+    command: list[str]  # without policies and results
+    results: Path
+    printed: str
+
+
+PLAYED = {NOMINAL_OPTIMUM, CAUSAL, "rescaled_grid_search", "mine_brief"}
+
+
+@pytest.fixture(scope="module")
+def own_run(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    folder = tmp_path_factory.mktemp("own_family")
+    toml = folder / "brief.toml"
     toml.write_text(tomli_w.dumps(BRIEF))
-    agents = tmp_path / "agents" / FAMILY_ID / "brief"
+    agents = folder / "agents" / FAMILY_ID / "brief"
     first = onnx_agents.write_of_family(agents, BRIEF_FAMILY, 0)
     second = onnx_agents.write_of_family(agents, BRIEF_FAMILY, 1)
-    results = ["--results", str(tmp_path / "results")]
-    family = ["--env", FAMILY_ID, "--scenario", str(toml)]
-    run = ["run", *family, "--seeds", "3", "--splits", *results]
 
+    family = ["--env", FAMILY_ID, "--scenario", str(toml)]
+    command = ["run", *family, "--seeds", "3", "--splits"]
     rules = ["--policies", NOMINAL_OPTIMUM, CAUSAL, "rescaled_grid_search"]
-    assert main([*run, *rules, "--agents", str(first), str(second), "--keep-names"]) == 0
-    printed = capsys.readouterr().out
-    assert main([*run, "--policies", "rescaled_grid_search", "--forgets"]) == 0
+    files = ["--agents", str(first), str(second), "--keep-names"]
+    results = folder / "results"
+    with contextlib.redirect_stdout(io.StringIO()) as printed:
+        assert main([*command, *rules, *files, "--results", str(results)]) == 0
+    return Run(command, results, printed.getvalue())
+
+
+@pytest.fixture
+def results(own_run: Run, tmp_path: Path) -> Path:
+    """A copy of the results of the run, which a test may change."""
+    return Path(shutil.copytree(own_run.results, tmp_path / "results"))
+
+
+def folders_in(results: Path) -> list[Path]:
+    """Return the folder of each split of the family of one's own."""
+    return [result_folder(results, FAMILY_ID, f"brief-{split}") for split in SPLITS]
+
+
+@pytest.mark.slow
+def test_a_family_of_ones_own_is_played_and_ranked_on_its_splits(
+    own_run: Run, capsys: pytest.CaptureFixture[str]
+) -> None:
+    show = ["show", "--results", str(own_run.results), "--env", FAMILY_ID]
+    assert main([*show, "--all", "--json"]) == 0
+    boards = json.loads(capsys.readouterr().out)["leaderboards"]
+    assert [board["scenario"] for board in boards] == [f"brief-{split}" for split in SPLITS]
+    for board in boards:
+        assert {standing["name"] for standing in board["standings"]} == PLAYED
+    for name in PLAYED:
+        assert name in own_run.printed
+
+
+@pytest.mark.slow
+def test_a_rule_that_forgets_has_a_name_of_its_own(
+    own_run: Run, results: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["--policies", "rescaled_grid_search", "--forgets", "--results", str(results)]
+    assert main([*own_run.command, *words]) == 0
     assert "rescaled_grid_search without memory between edges" in capsys.readouterr().out
 
-    folders = [result_folder(tmp_path / "results", FAMILY_ID, f"brief-{split}") for split in SPLITS]
+
+@pytest.mark.slow
+def test_packing_changes_no_result(results: Path) -> None:
+    folders = folders_in(results)
     before = [read_results(folder) for folder in folders]
-    assert main(["pack", *results]) == 0
+    assert main(["pack", "--results", str(results)]) == 0
     assert [read_results(folder) for folder in folders] == before
     files = {PACK_FILE, TRAJECTORIES_FILE, MANIFEST_FILE}
     assert {path.name for path in folders[0].iterdir()} == files
 
-    capsys.readouterr()
-    assert main(["show", *results, "--env", FAMILY_ID, "--all", "--json"]) == 0
-    boards = json.loads(capsys.readouterr().out)["leaderboards"]
-    assert [board["scenario"] for board in boards] == [f"brief-{split}" for split in SPLITS]
-    names = {standing["name"] for standing in boards[0]["standings"]}
-    assert {NOMINAL_OPTIMUM, CAUSAL, "rescaled_grid_search", "mine_brief"} <= names
-    for name in names - {"rescaled_grid_search without memory between edges"}:
-        assert name in printed
 
-    assert main(["pack", *results, "--without", "mine_brief"]) == 0
-    assert "mine_brief" not in {result.policy.name for result in read_results(folders[0]).values()}
-    assert main(["verify", *results, "--check", "--agents", str(tmp_path)]) == 1
+@pytest.mark.slow
+def test_results_can_be_packed_without_a_policy(results: Path) -> None:
+    assert main(["pack", "--results", str(results), "--without", "mine_brief"]) == 0
+    for folder in folders_in(results):
+        names = {result.policy.name for result in read_results(folder).values()}
+        assert names == PLAYED - {"mine_brief"}
+
+
+@pytest.mark.slow
+def test_results_on_a_family_that_is_not_there_cannot_be_verified(
+    results: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["--results", str(results), "--agents", str(tmp_path)]
+    assert main(["verify", *words, "--check"]) == 1
     complaint = "cannot be played again: no family and no file is called 'brief'"
     assert complaint in capsys.readouterr().out
 
@@ -325,14 +379,17 @@ def test_private_jobs_are_others_and_no_result_tells_them(
     def result_in(results: Path) -> Result:
         return read_results(result_folder(results, FAMILY_ID, "shop-unseen_jobs"))["idle"]
 
-    assert main([*run, str(tmp_path / "public")]) == 0
-    public = result_in(tmp_path / "public")
-    assert main([*run, str(tmp_path / "private"), "--private-key", key]) == 0
-    private = result_in(tmp_path / "private")
+    public_results = tmp_path / "public"
+    private_results = tmp_path / "private"
+    assert main([*run, str(public_results)]) == 0
+    assert main([*run, str(private_results), "--private-key", key]) == 0
+    public = result_in(public_results)
+    private = result_in(private_results)
     assert public.task.private is None
     assert private.task.private is not None
     assert not set(public.episodes["return"]) & set(private.episodes["return"])
 
-    texts = [path.read_text("latin-1") for path in (tmp_path / "private").rglob("*.*")]
+    texts = [path.read_text("latin-1") for path in private_results.rglob("*.*")]
     assert texts
-    assert key not in "".join(texts) + capsys.readouterr().out
+    for text in (*texts, capsys.readouterr().out):
+        assert key not in text

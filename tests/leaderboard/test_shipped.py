@@ -24,7 +24,8 @@ from turning_env.scenario.family import DRAFTS, families
 from turning_env.scoring.comparators import CAUSAL, NOMINAL_OPTIMUM
 
 ROOT = Path(__file__).parents[2]
-RESULTS, AGENTS = ROOT / "leaderboard" / "results", ROOT / "agents"
+RESULTS = ROOT / "leaderboard" / "results"
+AGENTS = ROOT / "agents"
 FILES = sorted(AGENTS.glob("*/*/*.onnx"))
 BEST = "analytic_gradient"
 OVERRIDES = (
@@ -47,39 +48,57 @@ def test_every_result_is_valid() -> None:
     assert verify.check(RESULTS, AGENTS, Selection()) == []
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("env_id", "scenario", "seeds", "policies"),
-    [
-        (
+CASES = [
+    pytest.param(
+        Selection(
             "RoughTurning-v0",
             "rough_turning",
-            2,
             ["fixed_tuned", "grid_search", "rescaled_grid_search", *AGENTS_OF_ALL_KINDS],
         ),
-        ("RoughTurning-v0", "rough_turning", 1, [CLAIRVOYANT, "causal", "predictive"]),
-        ("RoughTurning-v0", "ck45", 1, ["rescaled_grid_search", f"{BEST}-seed0"]),
-        ("RoughTurning-Override-v1", None, 1, [*OVERRIDES, f"{BEST}-seed0"]),
-        (
+        2,
+        id="v0, rules and agents",
+    ),
+    pytest.param(
+        Selection("RoughTurning-v0", "rough_turning", [CLAIRVOYANT, "causal", "predictive"]),
+        1,
+        id="v0, bounds and oracles",
+    ),
+    pytest.param(
+        Selection("RoughTurning-v0", "ck45", ["rescaled_grid_search", f"{BEST}-seed0"]),
+        1,
+        id="v0, split",
+    ),
+    pytest.param(
+        Selection("RoughTurning-Override-v1", None, [*OVERRIDES, f"{BEST}-seed0"]),
+        1,
+        id="Override",
+    ),
+    pytest.param(
+        Selection(
             "RoughTurning-Surface-v1",
             None,
-            1,
             ["constant_force_lead", "constant_force", "ppo-seed0"],
         ),
-        ("RoughTurning-Batch-v0", None, 2, ["parts_mt", "ppo-seed0"]),
-        pytest.param(
-            FAMILY_ID,
-            "shop-unseen_jobs",
-            1,
-            ["predictive", "self_tuning", "causal"],
-            marks=pytest.mark.soak,
-        ),
-    ],
-)
-def test_the_first_seeds_come_back(
-    tmp_path: Path, env_id: str, scenario: str | None, seeds: int, policies: list[str]
-) -> None:
-    selection = Selection(env_id, scenario, policies)
+        1,
+        id="Surface",
+    ),
+    pytest.param(
+        Selection("RoughTurning-Batch-v0", None, ["parts_mt", "ppo-seed0"]),
+        2,
+        id="Batch",
+    ),
+    pytest.param(
+        Selection(FAMILY_ID, "shop-unseen_jobs", ["predictive", "self_tuning", "causal"]),
+        1,
+        id="family",
+        marks=pytest.mark.soak,
+    ),
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("selection", "seeds"), CASES)
+def test_the_first_seeds_come_back(tmp_path: Path, selection: Selection, seeds: int) -> None:
     memory = tmp_path / "memory.json"
     assert verify.verify(RESULTS, AGENTS, selection, memory=memory, seeds=seeds) == []
 

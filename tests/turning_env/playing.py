@@ -52,6 +52,14 @@ FAILING: dict[str, dict[str, Any]] = {
 """Sections with many effects within a few steps: edges collapse and chip, wear speeds up, chips
 tangle, and bars bend."""
 
+NO_SPREAD = {
+    "hardness_bar_spread": 0.0,
+    "hardness_along_spread": 0.0,
+    "depth_bar_spread": 0.0,
+    "depth_along_spread": 0.0,
+}
+"""Values of a workpiece for bars that are all of one hardness and depth."""
+
 UNDISTURBED = changed("paper", tool={"wear_rule": "equivalent_time", "edge_strength": 1e6})
 """A lathe with one metal and one depth, without lags, noise or air, whose edge does not break.
 

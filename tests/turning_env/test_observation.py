@@ -3,16 +3,9 @@
 import numpy as np
 import pytest
 
-from tests.turning_env.playing import changed, fixed_actions, play
+from tests.turning_env.playing import NO_SPREAD, changed, fixed_actions, play
 from turning_env import RoughTurningEnv, Scenario, read
 from turning_env.physics.quantities import OBS, layout
-
-SPREADS = (
-    "hardness_bar_spread",
-    "hardness_along_spread",
-    "depth_bar_spread",
-    "depth_along_spread",
-)
 
 
 def test_reading_turns_observations_back_into_physical_units():
@@ -34,7 +27,7 @@ def test_reading_turns_observations_back_into_physical_units():
 
 def test_true_wear_hardness_and_depth_show_in_power_and_force_alone():
     varied = changed(Scenario(), tool={"edge_strength": 1e6, "wear_criterion": 5})
-    uniform = changed(varied, tool={"wear_factor_spread": 0}, workpiece=dict.fromkeys(SPREADS, 0))
+    uniform = changed(varied, tool={"wear_factor_spread": 0}, workpiece=NO_SPREAD)
     actions = fixed_actions(100, 1)[:, 0]
     record = play(RoughTurningEnv(varied), 4, actions)
     uniform_record = play(RoughTurningEnv(uniform), 4, actions)

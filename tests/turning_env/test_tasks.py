@@ -9,15 +9,9 @@ import pydoc
 import numpy as np
 import pytest
 
-from tests.turning_env.playing import UNDISTURBED, changed, infos, play
+from tests.turning_env.playing import NO_SPREAD, UNDISTURBED, changed, infos, play
 from turning_env import FAMILY_ID, IDS, RoughTurningEnv, Scenario, read, tasks
 
-NO_SPREAD = {
-    "hardness_bar_spread": 0.0,
-    "hardness_along_spread": 0.0,
-    "depth_bar_spread": 0.0,
-    "depth_along_spread": 0.0,
-}
 OVERRIDE = changed(
     "override",
     workpiece=NO_SPREAD | {"depth_ripple": 0.0},
@@ -51,14 +45,18 @@ def test_the_override_scales_the_programmed_feed(override, feed):
     assert info["spindle_speed"] == pytest.approx(710, rel=1e-3)
 
 
-def test_roughness_follows_the_force_and_its_deviation_is_charged():
-    steps = infos(SURFACE, [[1 / 3]] * 301)
-    info = steps[300]
-    reference = steps[299]["roughness_reference"]
-    roughness = 0.2401 * math.exp(0.0034 * info["thrust_force"])
-    deviation = 0.01 * abs(info["roughness"] / reference - 1)  # over 10 ms
-    assert info["thrust_force"] == pytest.approx(2850 * 0.2, rel=1e-3)
-    assert info["roughness"] == pytest.approx(roughness)
+def test_roughness_follows_the_force():
+    info = infos(SURFACE, [[1 / 3]] * 300)[-1]
+    force = info["thrust_force"]
+    assert force == pytest.approx(2850 * 0.2, rel=1e-3)
+    assert info["roughness"] == pytest.approx(0.2401 * math.exp(0.0034 * force))
+
+
+def test_the_deviation_of_roughness_from_its_reference_is_charged():
+    before, info = infos(SURFACE, [[1 / 3]] * 301)[-2:]
+    # A step compares with the reference that was known at its start.
+    relative = abs(info["roughness"] / before["roughness_reference"] - 1)
+    deviation = relative * SURFACE.control.interval
     assert info["roughness_deviation"] == pytest.approx(deviation, rel=0.01)
     assert info["reward_roughness"] == pytest.approx(-10 * info["roughness_deviation"])
 
@@ -82,22 +80,34 @@ def test_references_are_even_on_a_log_scale_over_their_range():
     assert np.median(references) == pytest.approx(math.sqrt(1.0 * 3.1), rel=0.1)
 
 
-def test_an_edge_is_changed_on_command_and_charged_whole():
+@pytest.fixture(scope="module")
+def edge_change():
+    """The infos of 30 steps, of a step that begins with an edge change, and of 5 more."""
     keep = [0, 0, -1]
-    steps = infos(SHIFT, [keep] * 30 + [[0, 0, 0.01]] + [keep] * 5)
-    economics = SHIFT.economics
-    before = steps[29]
-    change = steps[30]
-    change_time = 60 * economics.edge_change_time
-    edges_used = sum(info["edges_used"] for info in steps[:31])
-    assert edges_used == pytest.approx(1.0 + change["used_life"])
+    change = [0, 0, 0.01]
+    return infos(SHIFT, [keep] * 30 + [change] + [keep] * 5)
+
+
+def test_an_edge_is_changed_on_command(edge_change):
+    before = edge_change[29]
+    change = edge_change[30]
+    after = edge_change[-1]
+    # A step of a second follows the change.
+    change_time = 60 * SHIFT.economics.edge_change_time
     assert change["stopped_time"] == pytest.approx(change_time)
     assert change["time"] == pytest.approx(change_time + 1)
-    assert change["reward_time"] == pytest.approx(-change["time"])
-    assert change["reward_edge"] == pytest.approx(-60 * economics.edge_cost * change["edges_used"])
     assert change["cutting_time"] == pytest.approx(1 / 60, rel=1e-6)
     assert before["cutting_time"] > change["cutting_time"]
-    assert steps[-1]["stopped_time"] == 0
+    assert after["stopped_time"] == 0
+
+
+def test_an_edge_that_is_changed_is_charged_whole(edge_change):
+    change = edge_change[30]
+    edges_used = sum(info["edges_used"] for info in edge_change[:31])
+    assert edges_used == pytest.approx(1.0 + change["used_life"])
+    edge_price = 60 * SHIFT.economics.edge_cost
+    assert change["reward_edge"] == pytest.approx(-edge_price * change["edges_used"])
+    assert change["reward_time"] == pytest.approx(-change["time"])
 
 
 def test_a_worn_edge_is_changed_without_a_command_which_takes_longer():
@@ -117,12 +127,14 @@ def test_inspection_measures_the_wear_of_the_edge_that_was_taken_out():
     actions = np.tile([0.0, 0.0, -1.0], (700, 1))
     actions[20, -1] = 1.0
     record = play(RoughTurningEnv(scenario), 0, actions)
+    wear = record["wear"]
     removed_wear = read(record["observation"], scenario).removed_wear
-    first, second, *_ = np.flatnonzero(record["stopped_time"] > 0.0)
-    assert first == 21  # on command; the second edge wears out
-    assert removed_wear[:first].tolist() == [0.0] * 21
-    assert removed_wear[first] == pytest.approx(record["wear"][first - 1], rel=1e-6)
-    assert removed_wear[second] == pytest.approx(0.15, rel=0.02)
+    first_change, second_change, *_ = np.flatnonzero(record["stopped_time"] > 0.0)
+    # The first edge is changed on command, the second wears out.
+    assert first_change == 21
+    assert not removed_wear[:first_change].any()
+    assert removed_wear[first_change] == pytest.approx(wear[first_change - 1], rel=1e-6)
+    assert removed_wear[second_change] == pytest.approx(0.15, rel=0.02)
 
 
 def test_stops_for_tangled_chips_are_counted():
@@ -175,10 +187,12 @@ def test_whatever_the_path_the_part_is_turned_whole(passes, allowance):
 def test_the_probe_measures_the_mean_allowance_of_the_next_blank():
     uniform = changed(BATCH, workpiece={"depth_along_spread": 0.0})
     workpiece = uniform.workpiece
-    record = play(RoughTurningEnv(uniform), 3, np.array([part(1, 5.0)] * 19, np.float32))
+    actions = np.array([part(1, 5.0)] * 19, np.float32)
+    record = play(RoughTurningEnv(uniform), 3, actions)
     probed_depth = record["probed_depth"]
     area = math.pi * workpiece.diameter * workpiece.bar_length / 1000  # [cm3/mm]
-    assert probed_depth[:-1] == pytest.approx(record["removed"][1:] / area, rel=1e-9)
+    depth_of_next = record["removed"][1:] / area
+    assert probed_depth[:-1] == pytest.approx(depth_of_next, rel=1e-9)
     reading = read(record["observation"], uniform)
     assert reading.probed_depth == pytest.approx(probed_depth, rel=1e-6)
 
@@ -203,14 +217,16 @@ def test_the_largest_excess_over_a_further_limit_is_charged_as_that_of_the_force
     free = changed(UNDISTURBED, limits={"thrust_force": 1e5})
     limits = {"radial_force": LOOSE, "torque": LOOSE, "roughness": LOOSE}
     limited = changed(free, limits=limits | {name: BINDING})
-    (expected,) = infos(free, [[0.0, 0.0]])
+    (without,) = infos(free, [[0.0, 0.0]])
     (info,) = infos(limited, [[0.0, 0.0]])
-    excess = 3.0 * info["feed"] ** 0.5 * 2.5**0.8 / 1.5 - 1.0
-    assert expected["cost_force"] == 0.0
+    # The law of BINDING at the depth of 2.5 mm.
+    response = 3.0 * info["feed"] ** 0.5 * 2.5**0.8
+    excess = response / BINDING["most"] - 1.0
+    assert without["cost_force"] == 0.0
     assert info["cost_force"] == pytest.approx(excess, rel=1e-6)
     assert info["severe_overload_time"] == pytest.approx(info["engaged_time"])
     for unchanged in ("thrust_force", "power", "wear", "removed", "cost_power"):
-        assert info[unchanged] == expected[unchanged]
+        assert info[unchanged] == without[unchanged]
 
 
 def test_help_lists_every_id_and_no_method() -> None:

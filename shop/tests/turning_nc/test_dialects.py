@@ -290,18 +290,21 @@ def test_a_dwell_and_a_modal_move_share_no_block() -> None:
 @pytest.mark.parametrize(
     ("block", "seconds", "speed", "feed"),
     [
-        ("S800 M3 G4 F2", 2.0, 800.0, 0.2),
-        ("G4 F2 S800 M3", 2.0, 800.0, 0.2),
-        ("M3 S800 G4 S40", 3.0, 800.0, 0.2),  # 40 revolutions
-        ("F0.3 G4 F1.5 S800 M3", 1.5, 800.0, 0.3),
+        pytest.param("S800 M3 G4 F2", 2.0, 800.0, 0.2, id="seconds, after a speed"),
+        pytest.param("G4 F2 S800 M3", 2.0, 800.0, 0.2, id="seconds, before a speed"),
+        pytest.param("M3 S800 G4 S40", 3.0, 800.0, 0.2, id="40 revolutions"),
+        pytest.param("F0.3 G4 F1.5 S800 M3", 1.5, 800.0, 0.3, id="seconds, after a feed"),
     ],
 )
 def test_sinumerik_dwells_for_the_word_after_g4(
     block: str, seconds: float, speed: float, feed: float
 ) -> None:
     made = moves(f"DIAMON G71 G90 G95 G97 F0.2\n{block}\nG0 X62 Z2\nG1 Z-9").moves
-    assert [move.time for move in made if move.kind == "dwell"] == [pytest.approx(seconds)]
-    assert (made[-1].speed.value, made[-1].feed.value) == (speed, feed)
+    (dwell,) = [move for move in made if move.kind == "dwell"]
+    assert dwell.time == pytest.approx(seconds)
+    last = made[-1]
+    assert last.speed.value == speed
+    assert last.feed.value == feed
 
 
 def test_a_zero_point_and_a_limit_of_the_spindle_may_share_a_block() -> None:

@@ -41,23 +41,42 @@ M30
 """
 
 
-def test_a_contour_that_ends_low_is_roughed_level_by_level() -> None:
+@pytest.fixture
+def neck() -> Situation:
+    """The contour that ends low, turned from a bar of 40 mm diameter."""
     made = moves(NECK)
     removal = remove(made, read_stock("bar:40x60"), {"T0101": "copying"})
-    situation = Situation(Scenario.load("rough_turning"), Machine(), made, removal)
-    table = rows(situation, play(situation, change_wear(situation)))
-    # A pass takes 1 mm, and what a slope of 27 degrees leaves beside it.
-    assert max(row.depth for row in table) < 1.3
-    assert removal.rapids == {}
-    fed = [move.path for move in made.moves if move.kind == "feed"]
+    return Situation(Scenario.load("rough_turning"), Machine(), made, removal)
+
+
+def test_a_contour_that_ends_low_is_roughed_level_by_level(neck: Situation) -> None:
+    fed = [move.path for move in neck.moves.moves if move.kind == "feed"]
     long_cuts = [path for path in fed if path.end.z == -50.0]
     diameters = [40.0, 38.0, 36.0, 34.0, 32.0, 30.0, 28.0, 26.0]
     assert [2.0 * path.end.x for path in long_cuts] == diameters
     assert [2.0 * path.start.x for path in long_cuts] == diameters
-    cylinders = 20.0 * (20.0**2 - 18.0**2) + 20.0 * (20.0**2 - 13.0**2)
-    cone = 10.0 * (20.0**2 - (18.0**2 + 18.0 * 13.0 + 13.0**2) / 3.0)
-    removed = volume(removal.stock) - volume(removal.part)
-    assert removed == pytest.approx(math.pi * (cylinders + cone), rel=5e-3)
+
+
+def test_no_pass_of_a_contour_that_ends_low_is_too_deep(neck: Situation) -> None:
+    table = rows(neck, play(neck, change_wear(neck)))
+    # A pass takes 1 mm, and what a slope of 27 degrees leaves beside it.
+    assert max(row.depth for row in table) < 1.3
+    assert neck.removal.rapids == {}
+
+
+def test_a_contour_that_ends_low_takes_all_metal_above_it(neck: Situation) -> None:
+    bar = 20.0  # radius [mm]
+    front = 18.0
+    end = 13.0
+    mean_square_of_cone = (front**2 + front * end + end**2) / 3.0
+    # Lengths along Z: the front, the cone and the neck.
+    expected = math.pi * (
+        20.0 * (bar**2 - front**2)
+        + 10.0 * (bar**2 - mean_square_of_cone)
+        + 20.0 * (bar**2 - end**2)
+    )
+    removed = volume(neck.removal.stock) - volume(neck.removal.part)
+    assert removed == pytest.approx(expected, rel=5e-3)
 
 
 class Place(NamedTuple):

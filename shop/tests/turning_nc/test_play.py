@@ -19,7 +19,7 @@ from turning_nc.adapt import adapt
 from turning_nc.adaptable_words import Where
 from turning_nc.cutting import Machine, Situation, motion, play
 from turning_nc.edges import change_wear, parts_per_edge
-from turning_nc.moves import run
+from turning_nc.moves import Move, run
 from turning_nc.plausibility import implausible
 from turning_nc.removal import remove
 from turning_nc.report import summary
@@ -569,42 +569,73 @@ def test_a_speed_that_cuts_nothing_stays() -> None:
     assert "F0.2" in {change.before for change in changes}
 
 
-@pytest.mark.parametrize(("diameter", "passes"), [(97.6, 2), (100.8, 3), (103.0, 3), (106.0, 4)])
-def test_the_cycles_of_the_slides_divide_the_measured_blank_and_cut_by_the_rule(
-    diameter: float, passes: int
-) -> None:
+class Slides(NamedTuple):
+    """The program of the paper's slides on a blank that was measured."""
+
+    diameter: float  # of the blank [mm]
+    passes: int  # at the first cylinder
+    situation: Situation
+
+    @property
+    def cuts(self) -> list[Move]:
+        """The passes along the first cylinder, up to Z-60."""
+        cuts = []
+        for move in self.situation.moves.moves:
+            end = (-60.0, move.path.start.x)
+            if move.kind == "feed" and move.path.end == end:
+                cuts.append(move)
+        return cuts
+
+
+BATCH = Scenario.load("batch_casting")
+# Radius of the first cylinder [mm].
+FIRST_RADIUS = 45.0
+PASSES = {97.6: 2, 100.8: 3, 103.0: 3, 106.0: 4}
+"""Number of passes by the diameter of the blank [mm]."""
+
+
+@pytest.fixture(scope="module", params=PASSES, ids="{} mm".format)
+def slides(request: pytest.FixtureRequest) -> Slides:
+    diameter: float = request.param
     program = (ROOT / "research/papers/data/stho_stcl.mpf").read_text("utf-8")
     made = run(divide(program.replace("R42=103", f"R42={diameter}")))
-    scenario = Scenario.load("batch_casting")
-    process = Process.of(scenario)
     removal = remove(made, read_stock(f"bar:{diameter}x150+1.5"), {"T2": "groove:4"})
-    situation = Situation(scenario, Machine(), made, removal)
-    assert implausible(situation, play(situation, process.mean_wear)) == {}
+    situation = Situation(BATCH, Machine(), made, removal)
+    return Slides(diameter, PASSES[diameter], situation)
+
+
+def test_the_cycles_of_the_slides_are_plausible_and_make_the_part(slides: Slides) -> None:
+    situation = slides.situation
+    played = play(situation, Process.of(BATCH).mean_wear)
+    assert implausible(situation, played) == {}
 
     # Lengths and radii of the part's cylinders [mm].
-    cylinders = [(90.0, 0.5 * diameter), (20.0, 45.0), (34.0, 40.0), (6.0, 30.0)]
+    cylinders = [(90.0, 0.5 * slides.diameter), (20.0, FIRST_RADIUS), (34.0, 40.0), (6.0, 30.0)]
     part = sum(math.pi * length * radius**2 for length, radius in cylinders)
     groove = math.pi * 17.0 * (40.0**2 - 36.0**2)
     # Edges of 85 degrees leave ridges.
-    assert volume(removal.part) == pytest.approx(part - groove, rel=2e-4)
+    assert volume(situation.removal.part) == pytest.approx(part - groove, rel=2e-4)
 
-    cuts = []
-    for move in made.moves:
-        end = (-60.0, move.path.start.x)
-        if move.kind == "feed" and move.path.end == end:
-            cuts.append(move)
-    radii = np.linspace(0.5 * diameter, 45.0, passes + 1)[1:]
-    assert [move.path.end.x for move in cuts] == pytest.approx(radii)
-    depth = (0.5 * diameter - 45.0) / passes
-    speed, feed = set_point("PN", process.rescaled(1.25, 1.25), depth)
-    for move in cuts:
+
+def test_the_cycles_of_the_slides_divide_the_measured_blank(slides: Slides) -> None:
+    _, *radii = np.linspace(0.5 * slides.diameter, FIRST_RADIUS, slides.passes + 1)
+    assert [move.path.end.x for move in slides.cuts] == pytest.approx(radii)
+
+
+def test_the_cycles_of_the_slides_cut_by_the_rule(slides: Slides) -> None:
+    depth = (0.5 * slides.diameter - FIRST_RADIUS) / slides.passes
+    speed, feed = set_point("PN", Process.of(BATCH).rescaled(1.25, 1.25), depth)
+    assert slides.cuts
+    for move in slides.cuts:
         assert move.speed.value == pytest.approx(speed, rel=1e-3)
         assert move.feed.value == pytest.approx(feed, rel=1e-3)
 
-    # In the patterns of the slides, F is a fast move and f one at feed.
+
+def test_the_cycles_of_the_slides_have_their_patterns(slides: Slides) -> None:
+    # In the slides, F is a fast move and f one at feed.
     letters = {"rapid": "F", "feed": "f"}
-    motions = "".join(letters[move.kind] for move in made.moves)
-    assert motions.count("FfFF") == 1 + passes + 2
+    motions = "".join(letters[move.kind] for move in slides.situation.moves.moves)
+    assert motions.count("FfFF") == 1 + slides.passes + 2
     assert motions.count("FffF") == 2 + 3
 
 

@@ -46,7 +46,8 @@ def forces(
             # Feed force and back force are sides of a right triangle.
             measured = np.array([main, 0.8 * thrust, 0.6 * thrust])
             measured *= np.exp(0.01 * rng.standard_normal(3))
-            cells = [*_first_cells(edge, setting), f"{wear:g}"]
+            cells = _first_cells(edge, setting)
+            cells.append(f"{wear:g}")
             cells += [f"{force:.1f}" for force in measured]
             rows.append(";".join(cells))
     return "\n".join(rows) + "\n"
@@ -55,18 +56,25 @@ def forces(
 def wear_curves(scatter: float = 0.03) -> str:
     """Return a sheet with wear, thrust force and power of edges at several times."""
     rng = np.random.default_rng(4)
+
+    def with_scatter(value: float, scatter: float) -> float:
+        return float(value * np.exp(scatter * rng.standard_normal()))
+
     rows = ["edge;vc;f;ap;time;VB;thrust force;P [kW]"]
     for edge, setting in enumerate(SETTINGS, 1):
         life = 18.0 * (200 / setting.speed) ** 4 * (0.3 / setting.feed) ** 1.2
         for share in (0.15, 0.4, 0.7, 1.0):
-            wear = 0.3 * share**0.55
-            wear *= np.exp(scatter * rng.standard_normal())
+            # Loads follow the wear as it is, with its scatter.
+            wear = with_scatter(0.3 * share**0.55, scatter)
             thrust = 3400 * setting.feed**0.72 * setting.depth * wear**0.45
-            thrust *= np.exp(scatter * rng.standard_normal())
             power = 0.045 * setting.speed * setting.feed**0.74 * setting.depth * wear**0.13
-            power *= np.exp(0.3 * scatter * rng.standard_normal())
-            cells = [*_first_cells(edge, setting), f"{share * life:.2f}"]
-            cells += [f"{wear:.3f}", f"{thrust:.0f}", f"{power:.2f}"]
+            thrust = with_scatter(thrust, scatter)
+            power = with_scatter(power, 0.3 * scatter)
+            cells = _first_cells(edge, setting)
+            cells.append(f"{share * life:.2f}")
+            cells.append(f"{wear:.3f}")
+            cells.append(f"{thrust:.0f}")
+            cells.append(f"{power:.2f}")
             rows.append(";".join(cells))
     return "\n".join(rows) + "\n"
 

@@ -275,20 +275,21 @@ def test_every_number_is_that_of_a_play() -> None:
     for advice in advise(scenario, Evidence()):
         best = advice.plan
         episodes = play(as_factory(constant(scenario, best)), clocked(scenario, best), [1])
-        parts = float(episodes["removed"][0]) / part_volume(scenario)
+        episode = {name: float(values[0]) for name, values in episodes.items()}
+        assert episode["wear"] <= best.cuts.wear
+        assert episode["severe_overload_time"] == 0.0
+
+        parts = episode["removed"] / part_volume(scenario)
         # Plain bars have no return between them in the simulation.
-        cycle = float(episodes["time"][0]) / 60.0 / parts + scenario.machine.return_time
-        minutes = cycle + prices.change_time / parts
-        cost = prices.minute * minutes + prices.edge / parts
-        cutting_minutes = float(episodes["engaged_time"][0]) / 60.0
-        assert best.minutes == pytest.approx(cutting_minutes, rel=0.03)
+        cycle_time = episode["time"] / 60.0 / parts + scenario.machine.return_time
+        minutes_per_part = cycle_time + prices.change_time / parts
+        removal_rate = part_volume(scenario) / minutes_per_part
+        cost = prices.minute * minutes_per_part + prices.edge / parts
+        assert best.minutes == pytest.approx(episode["engaged_time"] / 60.0, rel=0.03)
         assert best.parts == pytest.approx(parts, rel=0.03)
-        assert best.cycle_time == pytest.approx(cycle, rel=0.03)
-        removal_rate = part_volume(scenario) / minutes
+        assert best.cycle_time == pytest.approx(cycle_time, rel=0.03)
         assert best.mean_removal_rate == pytest.approx(removal_rate, rel=0.03)
         assert best.cost == pytest.approx(cost, rel=0.03)
-        assert episodes["wear"][0] <= best.cuts.wear
-        assert episodes["severe_overload_time"][0] == 0.0
 
 
 def shipped_agent(env_id: str, scenario: str) -> str:

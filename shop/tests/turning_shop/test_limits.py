@@ -207,28 +207,59 @@ def test_the_bending_limits_programs_by_their_stock(
     assert any("workpiece.support" in note for note in result["notes"])
 
 
-def test_a_roughness_limits_the_feed_of_every_command(
+NOSE_RADIUS = 1.2  # of ``slender`` [mm]
+ROUGHNESS = 6.0  # limit [um]
+
+
+def test_a_roughness_limits_the_feed_of_advice_and_map(slender: Scenario) -> None:
+    limited, _ = load("slender.toml", roughness=ROUGHNESS)
+    low, high = feed_range(limited)
+    assert theoretical_roughness(high, NOSE_RADIUS) == pytest.approx(ROUGHNESS)
+    assert low <= cheapest(limited).feed <= high * (1 + 1e-9)
+    axes = draw_map(limited, Evidence(), wear=0.1).axes[0]
+    _, highest_drawn = axes.get_ylim()
+    assert highest_drawn == pytest.approx(high)
+
+
+def test_a_cut_that_is_too_rough_is_noted(
     slender: Scenario, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    pytest.importorskip("shapely")
-    limited, _ = load("slender.toml", roughness=6.0)
-    low, high = feed_range(limited)
-    assert theoretical_roughness(high, 1.2) == pytest.approx(6.0)
-    assert low <= cheapest(limited).feed <= high * (1 + 1e-9)
-    assert draw_map(limited, Evidence(), wear=0.1).axes[0].get_ylim()[1] == pytest.approx(high)
-
     cuts = ["--cutting-speed", "120", "--feed", "0.3", "--wear", "0.1"]
     assert main(["whatif", "slender.toml", *cuts, "--roughness", "6"]) == 0
     assert "limits.roughness, 6 um" in capsys.readouterr().err
-    command = ["program", "part.nc", "--scenario", "slender.toml", "--stock", "bar:45x300"]
-    assert main([*command, "--roughness", "6", "--json"]) == 0
+
+
+ROUGH_PROGRAM = [
+    "program",
+    "part.nc",
+    "--scenario",
+    "slender.toml",
+    "--stock",
+    "bar:45x300",
+    "--roughness",
+    "6",
+]
+
+
+def test_a_program_that_is_too_rough_is_noted(
+    slender: Scenario, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("shapely")
+    assert main([*ROUGH_PROGRAM, "--json"]) == 0
     result = json.loads(capsys.readouterr().out)
-    assert result["totals"]["max_roughness"] == pytest.approx(theoretical_roughness(0.3, 1.2))
+    roughness = theoretical_roughness(0.3, NOSE_RADIUS)
+    assert result["totals"]["max_roughness"] == pytest.approx(roughness)
     assert any("above 0.24 mm/rev, limits.roughness" in note for note in result["notes"])
+
+
+def test_an_adapted_program_uses_the_roughness_and_keeps_to_it(
+    slender: Scenario, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("shapely")
     Path("part.nc").write_text(PROGRAM.replace("F0.3", "F0.12"))
-    assert main([*command, "--roughness", "6", "--adapt", "words", "--json"]) == 0
+    assert main([*ROUGH_PROGRAM, "--adapt", "words", "--json"]) == 0
     adapted = json.loads(capsys.readouterr().out)["adapted"]
-    assert 2.0 < adapted["totals"]["max_roughness"] <= 6.0 + 1e-6
+    assert 2.0 < adapted["totals"]["max_roughness"] <= ROUGHNESS + 1e-6
 
 
 def test_a_roughness_needs_a_nose_radius() -> None:

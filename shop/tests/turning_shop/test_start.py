@@ -173,7 +173,7 @@ def test_an_unknown_material_says_what_is_near(text: str, message: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "edge", "radius", "edges"),
+    ("text", "edge_length", "nose_radius", "edges"),
     [
         ("CNMG120408-PM", 12.9, 0.8, 4),
         ("CNMG 12 04 08-PM", 12.9, 0.8, 4),
@@ -188,11 +188,13 @@ def test_an_unknown_material_says_what_is_near(text: str, message: str) -> None:
     ],
 )
 def test_a_designation_gives_edge_nose_radius_and_number_of_edges(
-    text: str, edge: float, radius: float, edges: int
+    text: str, edge_length: float, nose_radius: float, edges: int
 ) -> None:
+    """Lengths are in mm."""
     insert = read_insert(text)
-    assert insert.edge_length == pytest.approx(edge, abs=0.06)
-    assert (insert.nose_radius, insert.edges) == (radius, edges)
+    assert insert.edge_length == pytest.approx(edge_length, abs=0.06)
+    assert insert.nose_radius == nose_radius
+    assert insert.edges == edges
 
 
 def test_the_chip_breakers_letter_gives_the_window() -> None:

@@ -90,23 +90,50 @@ def test_a_p21_file_is_read(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "text", "named"),
+    ("suffix", "text", "complaint"),
     [
-        ("empty.csv", "", "is empty"),
-        ("a.csv", "vc,f\n1,2\n", "no column designation"),
-        ("b.csv", "insert,f\nCNMG120408,fast\n", "line 2, feed"),
-        ("c.csv", "insert,RE\nCNMG120408,0.4\n", "designation says 0.8"),
-        ("d.csv", "insert,vc [SFM]\nCNMG120408,600\n", "unit must be m/min"),
-        ("e.fctb", "{}", "no tool bit"),
-        ("f.fctb", "CNMG", "no tool bit"),
-        ("g.p21", "CNMG", "ISO-10303-21"),
-        ("h.p21", "ISO-10303-21;\nDATA;\nENDSEC;\n", "no item"),
-        ("i.xml", "<a/>", "suffix"),
+        pytest.param("csv", "", "is empty", id="empty table"),
+        pytest.param(
+            "csv",
+            "vc,f\n1,2\n",
+            "no column designation",
+            id="table without designations",
+        ),
+        pytest.param(
+            "csv",
+            "insert,f\nCNMG120408,fast\n",
+            "line 2, feed",
+            id="table with a word for a number",
+        ),
+        pytest.param(
+            "csv",
+            "insert,RE\nCNMG120408,0.4\n",
+            "designation says 0.8",
+            id="table with another nose radius",
+        ),
+        pytest.param(
+            "csv",
+            "insert,vc [SFM]\nCNMG120408,600\n",
+            "unit must be m/min",
+            id="table with another unit",
+        ),
+        pytest.param("fctb", "{}", "no tool bit", id="empty tool bit"),
+        pytest.param("fctb", "CNMG", "no tool bit", id="text as a tool bit"),
+        pytest.param("p21", "CNMG", "ISO-10303-21", id="text as a P21 file"),
+        pytest.param(
+            "p21",
+            "ISO-10303-21;\nDATA;\nENDSEC;\n",
+            "no item",
+            id="empty P21 file",
+        ),
+        pytest.param("xml", "<a/>", "suffix", id="another format"),
     ],
 )
-def test_what_is_no_library_is_refused(tmp_path: Path, name: str, text: str, named: str) -> None:
-    with pytest.raises(WorkshopError, match=named):
-        read_tools(written(tmp_path, name, text))
+def test_a_file_that_is_no_library_is_refused(
+    tmp_path: Path, suffix: str, text: str, complaint: str
+) -> None:
+    with pytest.raises(WorkshopError, match=complaint):
+        read_tools(written(tmp_path, f"tools.{suffix}", text))
 
 
 def test_what_is_written_is_read_again(tmp_path: Path) -> None:

@@ -65,18 +65,25 @@ def test_time_and_wear_are_two_sides_of_one_law(
 SPEEDS = ["--cutting-speed", "120", "150", "165", "180"]
 FEEDS = ["--feed", "0.2", "0.3", "0.4"]
 WHATIF = ["whatif", "rough_turning", *SPEEDS, *FEEDS]
+COMBINATIONS = [*WHATIF, "--wear", "0.1", "0.2", "--depth", "2", "3"]
 
 
 def test_every_combination_gives_a_row(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main([*WHATIF, "--wear", "0.1", "0.2", "--depth", "2", "3", "--json"]) == 0
+    assert main([*COMBINATIONS, "--json"]) == 0
     rows = json.loads(capsys.readouterr().out)
     assert len(rows) == 4 * 3 * 2 * 2
     assert [row["feed"] for row in rows[:3]] == [0.2, 0.3, 0.4]
     assert sorted({row["cutting_speed"] for row in rows}) == [120, 150, 165, 180]
-    assert main([*WHATIF, "--wear", "0.1", "0.2", "--depth", "2", "3", "--csv"]) == 0
+
+
+def test_a_csv_table_has_the_numbers_of_the_json(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([*COMBINATIONS, "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)
+    assert main([*COMBINATIONS, "--csv"]) == 0
     table = list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
-    assert [float(row["power"]) for row in table] == [row["power"] for row in rows]
-    assert list(table[0]) == list(rows[0])
+    for row, table_row in zip(rows, table, strict=True):
+        assert list(table_row) == list(row)
+        assert float(table_row["power"]) == row["power"]
 
 
 def test_text_names_the_limits_that_are_exceeded(capsys: pytest.CaptureFixture[str]) -> None:
@@ -258,9 +265,9 @@ def test_a_star_marks_a_cut_that_extrapolates(lowest_speed: float, ending: str) 
 @pytest.mark.parametrize(
     ("preset", "ending", "start"),
     [
-        ("forging", "png", b"\x89PNG"),
-        ("override", "svg", b"<?xm"),
-        ("batch_casting", "svg", b"<?xm"),
+        pytest.param("forging", "png", b"\x89PNG", id="forging as PNG"),
+        pytest.param("override", "svg", b"<?xm", id="override as SVG"),
+        pytest.param("batch_casting", "svg", b"<?xm", id="batch as SVG"),
     ],
 )
 def test_maps_are_written(tmp_path: Path, preset: str, ending: str, start: bytes) -> None:

@@ -5,17 +5,13 @@ import pytest
 
 from baselines.models.kalman_steps import INSERT, LOT
 from baselines.models.load_filter import LawErrors, LoadFilter
-from tests.turning_env.playing import changed
+from tests.turning_env.playing import NO_SPREAD, changed
 from turning_env import Reading, RoughTurningVectorEnv, Scenario, read
 
 NOMINAL = Scenario()
-STILL = {
-    "hardness_bar_spread": 0.0,
-    "hardness_along_spread": 0.0,
-    "depth_bar_spread": 0.0,
-    "depth_along_spread": 0.0,
-}
-QUIET = changed(NOMINAL, workpiece=STILL, tool={"wear_factor_spread": 0.0, "edge_strength": 1e6})
+QUIET = changed(
+    NOMINAL, workpiece=NO_SPREAD, tool={"wear_factor_spread": 0.0, "edge_strength": 1e6}
+)
 NUM_ENVS = 4
 ALL = np.ones(NUM_ENVS, np.bool_)
 
@@ -38,7 +34,7 @@ def follow(played: Scenario, nominal: Scenario, steps: int) -> tuple[LoadFilter,
     for _ in range(steps):
         reading = read(observations, nominal)
         estimate.observe(reading)
-        observations = env.step(np.zeros((NUM_ENVS, 2)))[0]
+        observations, *_ = env.step(np.zeros((NUM_ENVS, 2)))
     return estimate, reading
 
 
@@ -66,7 +62,9 @@ def test_it_finds_the_wear_of_an_edge_by_a_law_with_a_fresh_edges_share() -> Non
 
 def test_it_learns_the_lot_from_the_wear_of_removed_edges() -> None:
     nominal = changed(
-        QUIET, sensors={"inspects_edges": True}, control={"edge_changes": "commanded"}
+        QUIET,
+        sensors={"inspects_edges": True},
+        control={"edge_changes": "commanded"},
     )
     played = changed(nominal, mismatch={"wear_factor": 1.3})
     # Only the law of wear is in doubt: its error has the mean 0.2 and the variance 1.
@@ -79,11 +77,12 @@ def test_it_learns_the_lot_from_the_wear_of_removed_edges() -> None:
     estimate.reset(ALL)
     start = estimate.mean[0, LOT]
     assert start == pytest.approx(0.2 * nominal.material.wear.time)
+    actions = np.zeros((NUM_ENVS, 3))
     for step in range(61):
         estimate.observe(read(observations, nominal))
-        change_edge = 1.0 if step % 30 == 29 else -1.0
-        action = np.array([0.0, 0.0, change_edge])
-        observations, *_ = env.step(np.tile(action, (NUM_ENVS, 1)))
+        # An edge is changed every half minute.
+        actions[:, 2] = 1.0 if step % 30 == 29 else -1.0
+        observations, *_ = env.step(actions)
     assert estimate.mean[:, LOT] == pytest.approx(np.log(1.3), abs=0.05)
     assert estimate.mean[:, INSERT] == pytest.approx(0.0, abs=0.05)
     estimate.reset(ALL)

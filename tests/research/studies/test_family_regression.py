@@ -25,10 +25,12 @@ def surfaces(best_log_speed: torch.Tensor) -> torch.Tensor:
 def test_returns_between_the_points_of_the_grid_are_interpolated() -> None:
     returns = torch.zeros(1, len(SPEEDS), len(FEEDS), dtype=torch.double)
     returns[0, 0, 0] = -100.0
-    middle = [[np.log(SPEEDS[0] * SPEEDS[1]) / 2, np.log(FEEDS[0])]]
-    beyond = [[np.log(0.1), np.log(0.1)]]
-    assert interpolated(returns, torch.tensor(middle)).item() == pytest.approx(-50.0)
-    assert interpolated(returns, torch.tensor(beyond)).item() == pytest.approx(-100.0)
+    lowest_log_speed, next_log_speed = np.log(SPEEDS[:2])
+    middle_log_speed = 0.5 * (lowest_log_speed + next_log_speed)
+    middle = torch.tensor([[middle_log_speed, np.log(FEEDS[0])]])
+    below_the_grid = torch.log(torch.tensor([[0.1, 0.1]], dtype=torch.double))
+    assert interpolated(returns, middle).item() == pytest.approx(-50.0)
+    assert interpolated(returns, below_the_grid).item() == pytest.approx(-100.0)
 
 
 @pytest.mark.slow
@@ -38,8 +40,8 @@ def test_a_regression_leads_one_constant_where_the_context_tells_the_best_speed(
 ) -> None:
     generator = torch.Generator().manual_seed(3)
     context = torch.randn(JOBS, 3, dtype=torch.double, generator=generator).sign()
-    other = torch.randn(JOBS, dtype=torch.double, generator=generator).sign()
-    cause = context[:, 1] if tells else other
+    hidden = torch.randn(JOBS, dtype=torch.double, generator=generator).sign()
+    cause = context[:, 1] if tells else hidden
     returns = surfaces(np.log(SPEEDS[1]) + 0.19 * cause)
-    lead = (cross_validated(context, returns, 0.01) - best_constants(returns)).mean()
-    assert (lead > 100.0) == tells
+    leads = cross_validated(context, returns, 0.01) - best_constants(returns)
+    assert (leads.mean() > 100.0) == tells

@@ -3,17 +3,11 @@
 import numpy as np
 import pytest
 
-from tests.turning_env.playing import changed
+from tests.turning_env.playing import NO_SPREAD, changed
 from turning_env import Scenario
 from turning_env.rendering.fields import Fields
 
 WORKPIECE = Scenario().workpiece
-NO_SPREAD = {
-    "hardness_bar_spread": 0.0,
-    "hardness_along_spread": 0.0,
-    "depth_bar_spread": 0.0,
-    "depth_along_spread": 0.0,
-}
 
 
 def fields(scenario: Scenario, cuts):

@@ -3,15 +3,18 @@
 import os
 import signal
 import time
+from collections.abc import Iterator
 from importlib import metadata
 from pathlib import Path
 
 import pytest
 
+from tests.walking import until
 from turning_env.scoring import workers
 from turning_env.scoring.workers import WorkersError, processes, spread
 
 PIECES = [(str(number), number) for number in range(5)]
+TRIPLED = {name: 3 * number for name, number in PIECES}
 
 
 def die(number: int) -> int:
@@ -33,24 +36,48 @@ def interrupted(number: int) -> int:
     return number
 
 
-@pytest.mark.slow
-def test_processes_do_all_pieces_and_end_with_the_context(tmp_path: Path) -> None:
-    factor = 3  # travels with the function
-    mark = tmp_path / "process"
-    expected = [(str(number), 3 * number) for number in range(5)]
-    with workers.workers(1, None) as here:
-        # In this process, in order.
-        assert list(spread(here, lambda number: factor * number, PIECES)) == expected
+@pytest.fixture(scope="module")
+def process() -> Iterator[workers.Workers]:
+    """A process that works for several tests."""
     with processes(1) as over:
-        assert dict(spread(over, lambda number: factor * number, PIECES)) == dict(expected)
-        with pytest.raises(LookupError, match="no 4"):
-            list(spread(over, fail, [("fails", 4)]))
-        assert list(spread(over, interrupted, [("ignored", 5)])) == [("ignored", 5)]
+        yield over
+
+
+def test_without_processes_pieces_are_done_here_in_order() -> None:
+    with workers.workers(1, None) as over:
+        assert list(spread(over, lambda number: 3 * number, PIECES)) == list(TRIPLED.items())
+
+
+@pytest.mark.slow
+def test_a_process_does_all_pieces(process: workers.Workers) -> None:
+    factor = 3  # travels with the function
+    assert dict(spread(process, lambda number: factor * number, PIECES)) == TRIPLED
+
+
+@pytest.mark.slow
+def test_an_error_in_a_process_is_raised(process: workers.Workers) -> None:
+    with pytest.raises(LookupError, match="no 4"):
+        list(spread(process, fail, [("fails", 4)]))
+
+
+@pytest.mark.slow
+def test_a_process_ignores_an_interrupt(process: workers.Workers) -> None:
+    assert list(spread(process, interrupted, [("ignored", 5)])) == [("ignored", 5)]
+
+
+@pytest.mark.slow
+def test_processes_end_with_the_context_though_they_work(tmp_path: Path) -> None:
+    mark = tmp_path / "process"
+    with processes(1) as over:
         over.start("long", sleep, mark)
-        while not mark.exists() or not mark.read_text():
-            time.sleep(0.01)
+        until(lambda: mark.exists() and mark.read_text() != "")
+    number = int(mark.read_text())
     with pytest.raises(ProcessLookupError):
-        os.kill(int(mark.read_text()), 0)
+        os.kill(number, 0)
+
+
+@pytest.mark.slow
+def test_a_process_that_is_killed_is_an_error_that_says_how_to_go_on() -> None:
     message = r"a process ended: .*run the same command again to go on"
     with pytest.raises(WorkersError, match=message), processes(1) as over:
         list(spread(over, die, [("dies", 0)]))
