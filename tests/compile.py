@@ -47,7 +47,12 @@ def compile_bounds() -> None:
     belief_bound.bound(Scenario(), seed=0, stretch=50.0, lives=10)
     override = Scenario.load("override")
     brief = changed(override, workpiece={"bar_length": 1.0, "depth_profile": []})
-    play(lambda num_envs: PerfectLoad(brief, num_envs), brief, tuning_seeds(1), tell=True)
+    play(
+        lambda num_envs: PerfectLoad(brief, num_envs),
+        brief,
+        tuning_seeds(1),
+        tell=True,
+    )
     one_part = changed(Scenario.load("batch_casting"), workpiece={"bars": 1})
     play_blanks(one_part, tuning_seeds(1), lambda ended: None)
 

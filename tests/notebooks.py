@@ -30,11 +30,21 @@ def script(cells: list[dict[str, Any]]) -> str:
     """
     code = "\n".join("".join(cell["source"]) for cell in cells)
     code = re.sub(r"^%.*", "", code, flags=re.MULTILINE)
-    code = re.sub(r"^STEPS = .*", "STEPS = 4096", code, flags=re.MULTILINE)
+    code = re.sub(
+        r"^STEPS = .*",
+        "STEPS = 4096",
+        code,
+        flags=re.MULTILINE,
+    )
     code = re.sub(r"(python -m turning_env advise \S+)", r"\1 --seeds 2", code)
     command = r"import subprocess; subprocess.run('''\1''', shell=True, check=True)"
     # A backslash at a line's end continues the command.
-    return re.sub(r"^!((?:.*\\\n)*.*)", command, code, flags=re.MULTILINE)
+    return re.sub(
+        r"^!((?:.*\\\n)*.*)",
+        command,
+        code,
+        flags=re.MULTILINE,
+    )
 
 
 def run(path: Path, folder: Path) -> None:

@@ -18,7 +18,12 @@ from tests.walking import MAX_SECONDS
 
 # No deadline, as the first call of a compiled function takes seconds. The inputs are the same in
 # every run, as whether the suite passes must not depend on chance.
-settings.register_profile("suite", deadline=None, derandomize=True, database=None)
+settings.register_profile(
+    "suite",
+    deadline=None,
+    derandomize=True,
+    database=None,
+)
 # ``make soak``: other inputs with every run, and a hundred times as many (``tried`` in
 # tests/soundness/acting.py). Failures are printed as ``hypothesis.reproduce_failure`` takes them.
 settings.register_profile(

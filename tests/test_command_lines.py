@@ -561,7 +561,12 @@ def test_help_shows_examples_that_parse(
 ) -> None:
     assert status_of(command, ["--help"]) == 0
     printed = capsys.readouterr().out
-    _, title, text = re.split(r"^(examples?):$", printed, maxsplit=1, flags=re.MULTILINE)
+    _, title, text = re.split(
+        r"^(examples?):$",
+        printed,
+        maxsplit=1,
+        flags=re.MULTILINE,
+    )
     examples = []
     for line in text.replace("\\\n", " ").splitlines():
         if line.startswith("  python -m "):

@@ -32,7 +32,14 @@ def idle(env_id: str) -> Callable[[Any], Any]:
 
 def learns(env: Any) -> None:
     """Check that PPO of Stable-Baselines3 can learn on environments."""
-    model = PPO("MlpPolicy", env, n_steps=8, batch_size=16, n_epochs=1, device="cpu")
+    model = PPO(
+        "MlpPolicy",
+        env,
+        n_steps=8,
+        batch_size=16,
+        n_epochs=1,
+        device="cpu",
+    )
     model.learn(total_timesteps=16)
     action, _ = model.predict(env.reset())
     assert np.isfinite(action).all()

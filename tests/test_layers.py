@@ -83,7 +83,13 @@ def test_a_package_imports_only_packages_below_it(package: str) -> None:
 def loaded(code: str) -> set[str]:
     """Return the modules that a fresh interpreter has loaded after some code."""
     command = [sys.executable, "-c", f"import sys\n{code}\nprint(*sys.modules)"]
-    finished = subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True)
+    finished = subprocess.run(
+        command,
+        cwd=ROOT,
+        check=True,
+        capture_output=True,
+        text=True,
+    )
     return set(finished.stdout.split())
 
 

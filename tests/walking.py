@@ -73,7 +73,13 @@ def commands(block: Block) -> list[str]:
 def copy_to(folder: Path) -> None:
     """Copy the tracked files with their times, their compiled code, and the environment."""
     command = ["git", "ls-files"]
-    tracked = subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True)
+    tracked = subprocess.run(
+        command,
+        cwd=ROOT,
+        check=True,
+        capture_output=True,
+        text=True,
+    )
     for name in tracked.stdout.splitlines():
         if (ROOT / name).exists():
             (folder / name).parent.mkdir(parents=True, exist_ok=True)

@@ -30,7 +30,12 @@ def links(page: Path) -> list[Link]:
 def headings(page: Path) -> set[str]:
     """Return the slugs of a page's headings."""
     # A line with "#" in a block of code is a comment.
-    text = re.sub(r"^```.*?^```$", "", page.read_text("utf-8"), flags=re.DOTALL | re.MULTILINE)
+    text = re.sub(
+        r"^```.*?^```$",
+        "",
+        page.read_text("utf-8"),
+        flags=re.DOTALL | re.MULTILINE,
+    )
     slugs = set()
     for title in re.findall(r"^#+ (.+)$", text, re.MULTILINE):
         words = re.sub(r"[^\w\s-]", "", title.lower())

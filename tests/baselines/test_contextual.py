@@ -46,7 +46,12 @@ def environments(*jobs: int) -> tuple[FamilyVectorEnv, Any]:
 
 
 def test_the_log_speed_is_linear_in_the_numbers_of_the_catalogue() -> None:
-    law = {"speed": -0.3, "speed_heat": -1.0, "speed_toughness": 0.5, "change_at": 0.8}
+    law = {
+        "speed": -0.3,
+        "speed_heat": -1.0,
+        "speed_toughness": 0.5,
+        "change_at": 0.8,
+    }
     numbers = [{"heat": 0.5, "toughness": 0.5}, {"heat": 0.7, "toughness": 0.1}]
     first, second = log_speeds(law, numbers)
     # Numbers count from 0.5, the middle of the catalogue's scale.
@@ -73,7 +78,13 @@ def test_no_job_is_cut_faster_than_its_law_allows() -> None:
     models = [job.scenario.nominal() for job in jobs]
     numbers = [job.numbers for job in jobs]
     law = {"speed": -0.8, "speed_heat": -0.5, "change_at": 0.8}
-    policy = RULES["contextual"].controller(models, 2, numbers=numbers, **FIXED, **law)
+    policy = RULES["contextual"].controller(
+        models,
+        2,
+        numbers=numbers,
+        **FIXED,
+        **law,
+    )
     fastest = np.zeros(2)
     for step in range(120):
         observations, *_, infos = env.step(policy.act(observations))

@@ -49,7 +49,14 @@ def observe(load: float, cutting_time: float, override: float = 1.0) -> NDArray[
 def learned() -> LearnedPower:
     """Return a control that has learned a cut at the programmed feed, in the shift."""
     program = PartProgram(SHIFT, {})
-    policy = LearnedPower(program, 1, target=1.0, gain=5.0, extreme=2.5, wear=WEAR_FACTOR)
+    policy = LearnedPower(
+        program,
+        1,
+        target=1.0,
+        gain=5.0,
+        extreme=2.5,
+        wear=WEAR_FACTOR,
+    )
     for second in np.arange(0.0, LEARNING_TIME + 0.05, 0.1):
         has_settled = second >= SETTLING_TIME - 1e-6
         load = REFERENCE if has_settled else 0.1
@@ -76,7 +83,12 @@ def test_a_hard_spot_changes_no_edge() -> None:
 
 
 def test_more_power_by_more_feed_changes_no_edge() -> None:
-    assert not changes(learned(), 1.2 * WEAR_LIMIT, minutes=LASTING, override=2.0)
+    assert not changes(
+        learned(),
+        1.2 * WEAR_LIMIT,
+        minutes=LASTING,
+        override=2.0,
+    )
 
 
 def test_lasting_growth_of_power_changes_the_edge_and_the_fresh_one_is_learned() -> None:

@@ -41,7 +41,12 @@ def test_a_plan_is_turned_as_it_says():
     ],
 )
 def test_depths_of_passes(allowance, path, passes, expected):
-    depths = pass_depths(np.array([allowance]), np.array([path]), np.array([passes]), passes_max=4)
+    depths = pass_depths(
+        np.array([allowance]),
+        np.array([path]),
+        np.array([passes]),
+        passes_max=4,
+    )
     np.testing.assert_allclose(depths, [expected])
 
 
@@ -55,7 +60,13 @@ def test_depths_of_passes(allowance, path, passes, expected):
 def test_no_pass_is_planned_too_deep_for_a_further_limit(margin, in_one_pass):
     scenario = changed("batch_p20", workpiece=NO_SPREAD | {"depth_of_cut": 4.0})
     observation, _ = RoughTurningEnv(scenario).reset(seed=0)
-    policy = RuledParts(scenario, "PV", corrected=True, margin=margin, first_margin=margin)
+    policy = RuledParts(
+        scenario,
+        "PV",
+        corrected=True,
+        margin=margin,
+        first_margin=margin,
+    )
     policy.reset(np.ones(1, np.bool_))
     (info,) = infos(scenario, policy.act(observation[np.newaxis]))
     assert (info["passes"] == 1) == in_one_pass

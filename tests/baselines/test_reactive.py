@@ -83,7 +83,12 @@ def test_an_edge_that_wore_out_as_expected_raises_the_speed_a_little() -> None:
 
 
 def test_a_batch_acts_as_its_environments_alone() -> None:
-    env = FamilyVectorEnv(2, FAMILY, context="hidden", autoreset_mode=AutoresetMode.DISABLED)
+    env = FamilyVectorEnv(
+        2,
+        FAMILY,
+        context="hidden",
+        autoreset_mode=AutoresetMode.DISABLED,
+    )
     seen, _ = env.reset(seed=[5, 9])
     batch = rule(5, 9)
     singles = [rule(5), rule(9)]
@@ -106,7 +111,12 @@ def test_the_catalogue_has_the_numbers_that_were_found(name: str, numbers: React
     listed: Any = reactive.RULES[name]
     in_catalogue = listed.controller(scenario.nominal(), 1, **listed.fixed)
     by_numbers = Reactive(scenario.nominal(), 1, numbers, **FIXED)
-    env = FamilyVectorEnv(1, FAMILY, context="hidden", autoreset_mode=AutoresetMode.DISABLED)
+    env = FamilyVectorEnv(
+        1,
+        FAMILY,
+        context="hidden",
+        autoreset_mode=AutoresetMode.DISABLED,
+    )
     seen, _ = env.reset(seed=[5])
     for _ in range(40):
         actions = in_catalogue.act(seen)

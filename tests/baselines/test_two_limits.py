@@ -23,7 +23,13 @@ FORCE_LAW = PowerLaw(
 POWER_LAW = PowerLaw(
     coefficient=1.0, cutting_speed=0.9, feed=0.7, depth_of_cut=0.9, wear=0.3, hardness=0.7
 )
-TORQUE_LAW = PowerLaw(coefficient=1.0, cutting_speed=-0.1, feed=0.7, wear=0.3, hardness=0.7)
+TORQUE_LAW = PowerLaw(
+    coefficient=1.0,
+    cutting_speed=-0.1,
+    feed=0.7,
+    wear=0.3,
+    hardness=0.7,
+)
 
 
 @pytest.mark.parametrize("rule", TWO_LIMITS)
@@ -39,9 +45,22 @@ def test_a_rule_reaches_both_its_limits_at_any_hardness_and_wear(rule: str) -> N
     depth = np.array([1.0, 2.0, 3.0])
     hardness = np.array([0.8, 1.0, 1.4])
     wear = np.array([0.1, 0.2, 0.25])
-    speed, feed = set_point(rule, process, depth, hardness=hardness, wear=wear)
+    speed, feed = set_point(
+        rule,
+        process,
+        depth,
+        hardness=hardness,
+        wear=wear,
+    )
     for limit in limits(rule, process):
-        response = limit.law(speed, feed, depth, time=limit.time, wear=wear, hardness=hardness)
+        response = limit.law(
+            speed,
+            feed,
+            depth,
+            time=limit.time,
+            wear=wear,
+            hardness=hardness,
+        )
         np.testing.assert_allclose(response, limit.most)
 
 
@@ -57,12 +76,30 @@ def test_a_rule_reaches_both_its_limits_at_any_hardness_and_wear(rule: str) -> N
 def test_set_points_lie_within_the_ranges_and_keep_force_and_power(
     rule: str, wear: float, hardness: float
 ) -> None:
-    speed, feed = set_point(rule, STEEL, DEPTHS, hardness=hardness, wear=wear)
+    speed, feed = set_point(
+        rule,
+        STEEL,
+        DEPTHS,
+        hardness=hardness,
+        wear=wear,
+    )
     assert ((speed >= 50.0) & (speed <= 200.0)).all()
     assert ((feed >= 0.06) & (feed <= 0.6)).all()
     depth = np.maximum(DEPTHS, 1e-6)
-    power = STEEL.power.law(speed, feed, depth, wear=wear, hardness=hardness)
-    force = STEEL.thrust_force.law(speed, feed, depth, wear=wear, hardness=hardness)
+    power = STEEL.power.law(
+        speed,
+        feed,
+        depth,
+        wear=wear,
+        hardness=hardness,
+    )
+    force = STEEL.thrust_force.law(
+        speed,
+        feed,
+        depth,
+        wear=wear,
+        hardness=hardness,
+    )
     lowest_feed = feed == 0.06
     lowest_speed = speed == 50.0
     assert ((power <= 7.0 * ROUNDING) | (lowest_speed & lowest_feed)).all()
@@ -122,13 +159,28 @@ def test_the_economic_optimum_is_the_cheapest_feasible_point(
     process = replace(STEEL, edge_price=price)
 
     def log_cost(speed: Any, feed: Any) -> Any:
-        return process.log_cost(np.log(speed), np.log(feed), depth_of_cut=depth, hardness=1.0)
+        return process.log_cost(
+            np.log(speed),
+            np.log(feed),
+            depth_of_cut=depth,
+            hardness=1.0,
+        )
 
     speeds, feeds = np.meshgrid(
         np.geomspace(50.0, 200.0, num=400), np.geomspace(0.06, 0.6, num=400)
     )
-    force = process.thrust_force.law(speeds, feeds, depth_of_cut=depth, wear=wear)
-    power = process.power.law(speeds, feeds, depth_of_cut=depth, wear=wear)
+    force = process.thrust_force.law(
+        speeds,
+        feeds,
+        depth_of_cut=depth,
+        wear=wear,
+    )
+    power = process.power.law(
+        speeds,
+        feeds,
+        depth_of_cut=depth,
+        wear=wear,
+    )
     feasible = (force <= 1500.0) & (power <= 7.0)
     cheapest = log_cost(speeds, feeds)[feasible].min()
 

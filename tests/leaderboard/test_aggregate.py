@@ -30,7 +30,12 @@ def make_scores(make_result: MakeResult) -> MakeTask:
     def make(env_id: str, fixed: str, rule: float, agent: tuple[float, float]) -> TaskScores:
         on = task_on(env_id)
         learned = [
-            make_result("ppo", on=on, policy=spec("ppo", seed=seed), returns=returns + NOISE)
+            make_result(
+                "ppo",
+                on=on,
+                policy=spec("ppo", seed=seed),
+                returns=returns + NOISE,
+            )
             for seed, returns in enumerate(agent)
         ]
         results = [
@@ -48,8 +53,18 @@ def make_scores(make_result: MakeResult) -> MakeTask:
 def tasks(make_scores: MakeTask) -> list[TaskScores]:
     """Return two tasks: the agent is worse than the rule on one, and as good on the other."""
     return [
-        make_scores("RoughTurning-v0", "fixed_tuned", rule=-10.0, agent=(-40.0, -20.0)),
-        make_scores("RoughTurning-Override-v1", "override_tuned", rule=-50.0, agent=(-50.0, -50.0)),
+        make_scores(
+            "RoughTurning-v0",
+            "fixed_tuned",
+            rule=-10.0,
+            agent=(-40.0, -20.0),
+        ),
+        make_scores(
+            "RoughTurning-Override-v1",
+            "override_tuned",
+            rule=-50.0,
+            agent=(-50.0, -50.0),
+        ),
     ]
 
 
@@ -74,10 +89,27 @@ def test_the_mean_over_tasks_leaves_out_the_outer_quarters(make_scores: MakeTask
     ids = ("RoughTurning-v0", "RoughTurning-Shift-v0", "RoughTurning-Override-v1")
     fixed = ("fixed_tuned", "fixed_tuned", "override_tuned")
     several = []
-    for env_id, name, rule in zip(ids, fixed, (-10.0, -20.0, -60.0), strict=True):
-        several.append(make_scores(env_id, name, rule=rule, agent=(-50.0, -50.0)))
+    for env_id, name, rule in zip(
+        ids,
+        fixed,
+        (-10.0, -20.0, -60.0),
+        strict=True,
+    ):
+        several.append(
+            make_scores(
+                env_id,
+                name,
+                rule=rule,
+                agent=(-50.0, -50.0),
+            )
+        )
     several.append(
-        make_scores("RoughTurning-Surface-v1", "override_tuned", rule=-9000.0, agent=(-50.0, -50.0))
+        make_scores(
+            "RoughTurning-Surface-v1",
+            "override_tuned",
+            rule=-9000.0,
+            agent=(-50.0, -50.0),
+        )
     )
     assert mean_score(entries(several, ["predictive"])["predictive"]).value == pytest.approx(60.0)
 

@@ -80,13 +80,27 @@ def test_what_is_not_stated_is_not_guessed(command: str | None) -> None:
 
 
 def test_a_plain_training_has_no_inputs_but_rewards() -> None:
-    stated = information_of(agent(PPO, position=False, frames=1, life_price="flat"))
+    stated = information_of(
+        agent(
+            PPO,
+            position=False,
+            frames=1,
+            life_price="flat",
+        )
+    )
     assert stated.given == ("rewards",)
     assert stated.seen == ()
 
 
 def test_terms_of_training_are_stated() -> None:
-    stated = information_of(agent(PPO, position=True, frames=4, life_price="marginal"))
+    stated = information_of(
+        agent(
+            PPO,
+            position=True,
+            frames=4,
+            life_price="marginal",
+        )
+    )
     assert stated.given == ("rewards", "life price", "spreads")
     assert stated.seen == ("memory", "position")
     asymmetric = information_of(agent(PPO, asymmetric=True))
@@ -95,7 +109,12 @@ def test_terms_of_training_are_stated() -> None:
 
 def test_terms_that_a_training_leaves_out_are_not_stated() -> None:
     stated = information_of(
-        agent(ANALYTIC_GRADIENT, position=False, memory=False, life_price="flat")
+        agent(
+            ANALYTIC_GRADIENT,
+            position=False,
+            memory=False,
+            life_price="flat",
+        )
     )
     assert stated.given == ("model gradients", "true states", "geometry")
     assert stated.seen == ()

@@ -120,7 +120,12 @@ def board(make_result: MakeResult, env_id: str, fixed: str, agent: float) -> Lea
             make_result(fixed, on=on, returns=0.0),
             make_result("rule", on=on, returns=80.0),
             make_result("ppo", on=on, policy=learned, returns=agent),
-            make_result("causal", on=on, policy=spec("causal", kind="oracle"), returns=100.0),
+            make_result(
+                "causal",
+                on=on,
+                policy=spec("causal", kind="oracle"),
+                returns=100.0,
+            ),
         ]
     )
 

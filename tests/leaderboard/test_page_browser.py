@@ -53,7 +53,13 @@ def leaderboard(task: Task, make_result: MakeResult) -> Leaderboard:
     # Validation would refuse the names.
     trajectories = Trajectories(task=task.digest, episodes=[])
     trajectories = trajectories.model_copy(update={"episodes": episodes})
-    return Leaderboard(task, results, rank(results), trajectories, left_out=[])
+    return Leaderboard(
+        task,
+        results,
+        rank(results),
+        trajectories,
+        left_out=[],
+    )
 
 
 @pytest.fixture(scope="module")

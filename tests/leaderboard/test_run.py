@@ -46,7 +46,12 @@ def recorded_in(folder: Path) -> Trajectories:
 def test_only_what_is_missing_or_changed_is_played(task: Task, folder: Path) -> None:
     watched = Watched()
     play_all(task, [watched("one", 0.1), watched("two", 0.2)], folder)
-    described_anew = watched("one", 0.1, description="other words", command="other command")
+    described_anew = watched(
+        "one",
+        0.1,
+        description="other words",
+        command="other command",
+    )
     other_parameters = watched("two", 0.3)
     play_all(task, [described_anew, other_parameters, watched("three", 0.4)], folder)
     assert watched.played == [0.1, 0.2, 0.3, 0.4]

@@ -100,7 +100,16 @@ CASES = [
 @pytest.mark.parametrize(("selection", "seeds"), CASES)
 def test_the_first_seeds_come_back(tmp_path: Path, selection: Selection, seeds: int) -> None:
     memory = tmp_path / "memory.json"
-    assert verify.verify(RESULTS, AGENTS, selection, memory=memory, seeds=seeds) == []
+    assert (
+        verify.verify(
+            RESULTS,
+            AGENTS,
+            selection,
+            memory=memory,
+            seeds=seeds,
+        )
+        == []
+    )
 
 
 TASKS = list(IDS.items())

@@ -70,8 +70,20 @@ def test_splits_are_ranked_by_full_cost(make_result: MakeResult, task: Task) -> 
             make_result("ends_early", on=on, removed=100.0, returns=-10.0),
             make_result("cheap", on=on, removed=200.0, returns=-20.0),
             make_result("idle", on=on, removed=0.0, returns=-5.0),
-            make_result("greedy", on=on, removed=900.0, severe_overload_time=6.0, returns=100.0),
-            make_result("known", on=on, policy=oracle, removed=800.0, returns=200.0),
+            make_result(
+                "greedy",
+                on=on,
+                removed=900.0,
+                severe_overload_time=6.0,
+                returns=100.0,
+            ),
+            make_result(
+                "known",
+                on=on,
+                policy=oracle,
+                removed=800.0,
+                returns=200.0,
+            ),
         ]
         return leaderboard_of(results)
 
@@ -177,7 +189,12 @@ def test_tracks_and_classes_rank_for_themselves(make_result: MakeResult) -> None
     oracle = spec("known", kind="oracle")
     standings = standings_of(
         [
-            make_result("greedy", severe_overload_time=6.0, removed=900.0, returns=100),
+            make_result(
+                "greedy",
+                severe_overload_time=6.0,
+                removed=900.0,
+                returns=100,
+            ),
             make_result("taught", policy=taught, removed=200.0, returns=3),
             make_result("learned", policy=learned, removed=400.0, returns=2),
             make_result("plain", removed=300.0, returns=1),
@@ -220,7 +237,12 @@ def test_agents_share_a_name_if_their_training_is_the_same_and_none_joins_one_th
 
 def test_trainings_with_other_inputs_have_names_of_their_own(make_result: MakeResult) -> None:
     """Older files name the inputs by their command, newer ones state them."""
-    by_command = spec("ppo", seed=0, command="python -m train.ppo --seed 0", parameters={})
+    by_command = spec(
+        "ppo",
+        seed=0,
+        command="python -m train.ppo --seed 0",
+        parameters={},
+    )
     stated = {"training_information": ["rewards"]}
     taught = {"training_information": ["rewards", "true states"]}
     policies = [
@@ -258,7 +280,12 @@ def test_score_runs_from_fixed_parameters_to_the_causal_oracle(make_result: Make
 @pytest.mark.parametrize("column", [*LIMITS, *WORKSHOP], ids=lambda column: column.field)
 def test_a_bound_without_episodes_has_no_number_of_play(column, make_result: MakeResult) -> None:
     bound = spec("clairvoyant", kind="oracle")
-    result = make_result("clairvoyant", policy=bound, time=0.0, engaged_time=0.0)
+    result = make_result(
+        "clairvoyant",
+        policy=bound,
+        time=0.0,
+        engaged_time=0.0,
+    )
     (standing,) = rank([result])
     assert standing.minutes == 0.0
     assert column.cell(standing).number is None
@@ -325,7 +352,12 @@ def test_the_best_other_rule_is_a_feasible_one(make_result: MakeResult) -> None:
         ]
     )
     best = {name: standing.best_rule for name, standing in standings.items()}
-    assert best == {"ppo": "good", "poor": "good", "reckless": "good", "good": "poor"}
+    assert best == {
+        "ppo": "good",
+        "poor": "good",
+        "reckless": "good",
+        "good": "poor",
+    }
     # Of the best rule, the number is its lead over the next.
     assert value(standings["good"].over_best_rule) == pytest.approx(10.0)
 

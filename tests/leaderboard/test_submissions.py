@@ -29,7 +29,12 @@ def acting(value: float) -> bytes:
     """Return an agent that always acts by ten times a value."""
     constant = np.full((1, 2), 10.0 * value, np.float32)
     none = np.float32([0.0])
-    return onnx_agents.of_load(ACTING, axes=onnx_agents.AXES, none=none, constant=constant)
+    return onnx_agents.of_load(
+        ACTING,
+        axes=onnx_agents.AXES,
+        none=none,
+        constant=constant,
+    )
 
 
 @pytest.fixture

@@ -243,7 +243,15 @@ def test_earning_too_much_is_found(shipped: Path, task: Task, make_result: MakeR
     path = file_of(shipped, RULE)
     on_short = task.model_copy(update={"scenario": SHORT})
     bound = spec(CLAIRVOYANT, kind="oracle")
-    write_result(make_result(CLAIRVOYANT, policy=bound, on=on_short, returns=9.0), path.parent)
+    write_result(
+        make_result(
+            CLAIRVOYANT,
+            policy=bound,
+            on=on_short,
+            returns=9.0,
+        ),
+        path.parent,
+    )
     *returns, _ = only(path).episodes["return"]
     rewrite(path, {"return": [*returns, 1e6]})
     (beyond,) = [complaint for complaint in checked(shipped) if "beyond" in complaint]

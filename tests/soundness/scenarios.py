@@ -182,7 +182,12 @@ def _reconcile_laws(changed: dict[str, Any]) -> None:
     changed["edge_failure"]["temperature"] |= {"time": 0.0, "wear_growth": 0.0}
     for name in ("radial_force", "torque", "roughness"):
         law = changed["limits"][name]
-        law |= {"cutting_speed": 0.0, "time": 0.0, "wear": 0.0, "wear_growth": 0.0}
+        law |= {
+            "cutting_speed": 0.0,
+            "time": 0.0,
+            "wear": 0.0,
+            "wear_growth": 0.0,
+        }
         law["feed"] = min(abs(law["feed"]) or 0.75, _MAX_EXPONENT)
         for factor in ("depth_of_cut", "hardness"):
             law[factor] = min(max(law[factor], -_MAX_EXPONENT), _MAX_EXPONENT)

@@ -136,4 +136,9 @@ def test_a_formula_has_a_finite_value_or_is_refused(formula: str) -> None:
         expected = eval(formula.strip(), {"__builtins__": {}}, PYTHON | VARIABLES)
     # Sums that cancel keep few digits, so that the difference is seen beside the largest number of
     # the formula.
-    np.testing.assert_allclose(value, np.asarray(expected, np.float64), rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(
+        value,
+        np.asarray(expected, np.float64),
+        rtol=1e-6,
+        atol=1e-6,
+    )

@@ -120,7 +120,12 @@ def content(memory: bool = False, seed: int = 0, algorithm: str = "ppo") -> byte
         )
     body += " action = Clip(unclipped, low, high)"
     about = metadata(run(Path(), seed, algorithm), algorithm)
-    return of_text(body, about, memory=Remembering.memory_size if memory else 0, **weights)
+    return of_text(
+        body,
+        about,
+        memory=Remembering.memory_size if memory else 0,
+        **weights,
+    )
 
 
 def write(folder: Path, seed: int = 0, algorithm: str = "ppo", memory: bool = False) -> Path:
@@ -162,7 +167,12 @@ def write_of_family(folder: Path, family: Family, seed: int = 0) -> Path:
     path = folder / f"{about.label}.onnx"
     body = layer("observation", "head", "action")
     path.write_bytes(
-        of_text(body, about, head_weight=weight, head_bias=np.float32([0.0, 0.0, -0.5]))
+        of_text(
+            body,
+            about,
+            head_weight=weight,
+            head_bias=np.float32([0.0, 0.0, -0.5]),
+        )
     )
     return path
 
@@ -172,7 +182,12 @@ def of_load(body: str, **weights: Any) -> bytes:
 
     The nodes of ``body`` make ``change`` of ``first``, the first two observations.
     """
-    given = {"start": [0], "stop": [2], "axis": [1], "small": np.float32([0.1])}
+    given = {
+        "start": [0],
+        "stop": [2],
+        "axis": [1],
+        "small": np.float32([0.1]),
+    }
     return of_text(
         f"first = Slice(observation, start, stop, axis) {body} action = Mul(change, small)",
         **given | weights,

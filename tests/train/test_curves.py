@@ -99,8 +99,18 @@ def test_mistakes_are_named_and_nothing_is_written(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     first = a_run(tmp_path, 0, line(1.0))
-    longer = a_run(tmp_path / "longer", 1, line(1.0), total_timesteps=4096)
-    elsewhere = a_run(tmp_path / "elsewhere", 1, line(1.0), preset="casting")
+    longer = a_run(
+        tmp_path / "longer",
+        1,
+        line(1.0),
+        total_timesteps=4096,
+    )
+    elsewhere = a_run(
+        tmp_path / "elsewhere",
+        1,
+        line(1.0),
+        preset="casting",
+    )
     later = a_run(tmp_path / "later", 1, line(1.0, 200.0, 300.0))
     unbegun = a_run(tmp_path / "unbegun", 1, [])
     never = ["--out", str(tmp_path / "never.png")]

@@ -102,7 +102,12 @@ def test_a_module_gives_the_same_file_again_and_nothing_of_where_it_was_made(
 def test_a_module_with_a_memory_becomes_an_agent(tmp_path: Path) -> None:
     path = tmp_path / "ppo.onnx"
     recurrent = onnx_agents.actor(memory=True).double()
-    export.export_torch(recurrent, path, scenario=SCENARIO, trained_steps=7)
+    export.export_torch(
+        recurrent,
+        path,
+        scenario=SCENARIO,
+        trained_steps=7,
+    )
     file = agent_file.read(path)
     # An algorithm has the name ppo.
     assert file.metadata.label == "my_ppo-seed0"
@@ -191,7 +196,12 @@ def test_a_model_of_other_observations_is_refused(
 ) -> None:
     path = tmp_path / "mine-seed2.zip"
     env = RoughTurningVecEnv(SCENARIO, 2)
-    model = PPO("MlpPolicy", env, device="cpu", policy_kwargs={"net_arch": []})
+    model = PPO(
+        "MlpPolicy",
+        env,
+        device="cpu",
+        policy_kwargs={"net_arch": []},
+    )
     model.save(path)
     complaint = refusal(capsys, tmp_path / "out", path, "--scenario", "batch_casting")
     assert "was trained on observations of shape (11,)" in complaint
@@ -385,7 +395,12 @@ def test_runs_of_every_network_can_be_exported(
     original_policy = original.make(NUM_ENVS)
     for observations in OBSERVATIONS:
         expected = original_policy.act(observations)
-        np.testing.assert_allclose(policy.act(observations), expected, rtol=0, atol=1e-5)
+        np.testing.assert_allclose(
+            policy.act(observations),
+            expected,
+            rtol=0,
+            atol=1e-5,
+        )
 
 
 @pytest.mark.slow

@@ -25,7 +25,12 @@ def test_candidates_play_the_same_episodes() -> None:
 
 def test_the_search_finds_a_better_policy(tmp_path: Path) -> None:
     """The first generation is about as good as no action; the last is better."""
-    run = small_run(ALGORITHM, tmp_path, total_timesteps=40_000, sigma=0.3)
+    run = small_run(
+        ALGORITHM,
+        tmp_path,
+        total_timesteps=40_000,
+        sigma=0.3,
+    )
     train(run, ALGORITHM)
     curve = run.read_learning_curve()
     assert curve[-1]["mean_return"] > curve[0]["mean_return"] + 30.0

@@ -20,7 +20,12 @@ from turning_env.scoring.seeds import tuning_seeds
 from turning_env.vector_env import info_at_end_of_step
 
 BASE = Scenario.load("rough_turning")
-SMALL = {"total_timesteps": 40_000, "num_envs": 64, "batch_envs": 16, "cells": 32}
+SMALL = {
+    "total_timesteps": 40_000,
+    "num_envs": 64,
+    "batch_envs": 16,
+    "cells": 32,
+}
 NUM_ENVS = 16
 STEPS = 240
 

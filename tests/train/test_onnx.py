@@ -38,7 +38,12 @@ def test_a_file_acts_as_the_agent_and_forgets_each_environment_by_itself(memory:
         actions = exported.act(observation)
         assert actions.shape == (NUM_ENVS, 2)
         assert actions.dtype == np.float32
-        np.testing.assert_allclose(actions, original.act(observation), rtol=0, atol=1e-6)
+        np.testing.assert_allclose(
+            actions,
+            original.act(observation),
+            rtol=0,
+            atol=1e-6,
+        )
 
 
 Change = Callable[[onnx.ModelProto], object]

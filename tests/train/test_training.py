@@ -112,7 +112,12 @@ def _assert_acts_as(run: Run, algorithm: Algorithm, model: Any) -> None:
         network.reset(starts)
         expected = network.act(seen)
         if algorithm.name != "analytic_gradient":
-            predicted, state = model.predict(seen, state, starts, deterministic=True)
+            predicted, state = model.predict(
+                seen,
+                state,
+                starts,
+                deterministic=True,
+            )
             np.testing.assert_allclose(expected, predicted, atol=1e-6)
         np.testing.assert_allclose(actions, expected, atol=1e-6)
         assert actions.dtype == np.float32
@@ -165,7 +170,12 @@ def test_an_agent_learns_on_a_family_and_its_file_is_scored(tmp_path: Path) -> N
     for algorithm in (ALGORITHMS["analytic_gradient"], ALGORITHMS["lagrangian_ppo"]):
         with pytest.raises(ValueError, match="learns on one scenario, not on the jobs of a family"):
             train(
-                small_run(algorithm, tmp_path, env_id=FAMILY_ID, scenario=Family.load("shop")),
+                small_run(
+                    algorithm,
+                    tmp_path,
+                    env_id=FAMILY_ID,
+                    scenario=Family.load("shop"),
+                ),
                 algorithm,
             )
     with pytest.raises(ValueError, match="position and life_price"):

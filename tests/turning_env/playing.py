@@ -46,7 +46,12 @@ FAILING: dict[str, dict[str, Any]] = {
         "chipping_load_exponent": 2.0,
         "chipping_wear_exponent": 1.5,
     },
-    "swarf": {"tangle_rate": 20.0, "tangle_time": 0.1, "chip_feed_min": 0.2, "chip_feed_max": 0.4},
+    "swarf": {
+        "tangle_rate": 20.0,
+        "tangle_time": 0.1,
+        "chip_feed_min": 0.2,
+        "chip_feed_max": 0.4,
+    },
     "workpiece": {"support": "tailstock", "bar_length": 100.0, "diameter": 15.0},
 }
 """Sections with many effects within a few steps: edges collapse and chip, wear speeds up, chips

@@ -38,7 +38,17 @@ def test_actions_towards_a_feed_command_it(preset: str) -> None:
     speed = infos["commanded_cutting_speed"]
     feed = infos["commanded_feed"]
     reading = read(observations, scenario)
-    actions = towards(reading, scenario, cutting_speed=0.99 * speed, feed=0.99 * feed)
-    _, commanded_feed = commanded(actions, speed, feed=feed, scenario=scenario)
+    actions = towards(
+        reading,
+        scenario,
+        cutting_speed=0.99 * speed,
+        feed=0.99 * feed,
+    )
+    _, commanded_feed = commanded(
+        actions,
+        speed,
+        feed=feed,
+        scenario=scenario,
+    )
     expected = np.maximum(0.99 * feed, scenario.machine.feed_min)
     np.testing.assert_allclose(commanded_feed, expected, rtol=1e-5)

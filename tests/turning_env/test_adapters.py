@@ -80,7 +80,12 @@ def test_it_agrees_with_the_vector_environment_of_stable_baselines3(
         np.testing.assert_array_equal(dones, expected_dones)
         np.testing.assert_allclose(rewards, SCALE * expected_rewards, rtol=1e-6)
         assert rewards.dtype == np.float32
-        for done, info, expected_info in zip(dones, infos, expected_infos, strict=True):
+        for done, info, expected_info in zip(
+            dones,
+            infos,
+            expected_infos,
+            strict=True,
+        ):
             if done:
                 assert_same_info(info, expected_info)
                 truncated.add(info["TimeLimit.truncated"])
@@ -96,6 +101,11 @@ def test_evaluate_policy_reports_returns_whatever_the_scale_of_rewards() -> None
         env = RoughTurningVecEnv(SHORT, NUM_ENVS, reward_scale)
         env.seed(40)
         model = PPO("MlpPolicy", env, seed=1, device="cpu")
-        return evaluate_policy(model, env, 2 * NUM_ENVS, return_episode_rewards=True)
+        return evaluate_policy(
+            model,
+            env,
+            2 * NUM_ENVS,
+            return_episode_rewards=True,
+        )
 
     assert evaluated(SCALE) == evaluated(1.0)

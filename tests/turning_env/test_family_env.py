@@ -118,5 +118,10 @@ def test_gymnasium_makes_it_from_its_specification():
 
 
 def test_a_vector_environment_has_a_specification():
-    env = gymnasium.make_vec(FAMILY_ID, 3, vectorization_mode="vector_entry_point", family=BRIEF)
+    env = gymnasium.make_vec(
+        FAMILY_ID,
+        3,
+        vectorization_mode="vector_entry_point",
+        family=BRIEF,
+    )
     assert '"brief"' in env.spec.to_json()

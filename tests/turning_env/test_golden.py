@@ -87,7 +87,12 @@ def assert_same(present: dict[str, Any], golden: dict[str, Any]) -> None:
         tolerance = 2e-7 if key == "observation" else 1e-9
         values = np.array(present[key], float)
         expected_values = np.array(expected, float)
-        same = np.allclose(values, expected_values, rtol=tolerance, atol=tolerance)
+        same = np.allclose(
+            values,
+            expected_values,
+            rtol=tolerance,
+            atol=tolerance,
+        )
         assert same, f"{key}: {ADVICE}"
 
 

@@ -62,7 +62,14 @@ def test_a_batch_gives_what_single_environments_give() -> None:
 
 def test_a_policy_for_dictionaries_learns_on_the_batch() -> None:
     env = RoughTurningVecEnv(SHORT_LIVED, 2, wrapper=NamedVectorObservation)
-    PPO("MultiInputPolicy", env, n_steps=32, batch_size=16, n_epochs=1, device="cpu").learn(64)
+    PPO(
+        "MultiInputPolicy",
+        env,
+        n_steps=32,
+        batch_size=16,
+        n_epochs=1,
+        device="cpu",
+    ).learn(64)
 
 
 def test_a_stored_spec_holds_the_wrapper() -> None:

@@ -96,7 +96,12 @@ def test_readings_of_the_simulator_give_its_observations(preset: str) -> None:
     shield.reset(np.ones(1, np.bool_))
     for _ in answers:
         controller.decide(readings_of(info, scenario))
-        np.testing.assert_allclose(controller.observation[0], expected, rtol=2e-6, atol=2e-6)
+        np.testing.assert_allclose(
+            controller.observation[0],
+            expected,
+            rtol=2e-6,
+            atol=2e-6,
+        )
         expected, _, terminated, truncated, info = env.step(shield.act(expected[None])[0])
         if terminated or truncated:
             break

@@ -34,12 +34,23 @@ class Turner:
         """Hold a state for a time."""
         for _ in range(round(seconds / STEP)):
             time = START + timedelta(seconds=STEP * len(self.samples))
-            sample = Sample(time, x=0.5 * DIAMETER, tool="3", running=1.0, **values)
+            sample = Sample(
+                time,
+                x=0.5 * DIAMETER,
+                tool="3",
+                running=1.0,
+                **values,
+            )
             self.samples.append(replace(sample, **self._missing))
 
     def idle(self, seconds: float, spindle_speed: float = 900.0, power: float = 0.4) -> None:
         """Turn the spindle without feed."""
-        self.stay(seconds, spindle_speed=spindle_speed, feed_rate=0.0, spindle_power=power)
+        self.stay(
+            seconds,
+            spindle_speed=spindle_speed,
+            feed_rate=0.0,
+            spindle_power=power,
+        )
 
     def cut(
         self, seconds: float, power: float, spindle_speed: float = 900.0, feed: float = 0.25

@@ -104,8 +104,18 @@ def test_a_process_that_stops_answering_leaves_the_safe_feed_after_one_period(
     assert not Path(f"/proc/{pid}").exists()
 
 
-OUTPUTS = {"adaptive-feed": "float", "spindle-override": "float", "status": "s32", "coolant": "bit"}
-SAFE = {"adaptive-feed": 0.25, "spindle-override": 1.0, "status": 3, "coolant": False}
+OUTPUTS = {
+    "adaptive-feed": "float",
+    "spindle-override": "float",
+    "status": "s32",
+    "coolant": "bit",
+}
+SAFE = {
+    "adaptive-feed": 0.25,
+    "spindle-override": 1.0,
+    "status": 3,
+    "coolant": False,
+}
 ANSWERING = """
 import json, os, sys
 lines = LINES
@@ -132,7 +142,13 @@ def answering(lines: list[str], folder: Path, **plan: Any) -> list[tuple[str, st
     """Return the pins that the component sets while a process answers with lines, then ends."""
     script = folder / "answering.py"
     script.write_text(ANSWERING.replace("LINES", repr(lines)))
-    fixed = {"in": {"load": "float"}, "out": OUTPUTS, "period": 0.4, "safe": SAFE, "echo": True}
+    fixed = {
+        "in": {"load": "float"},
+        "out": OUTPUTS,
+        "period": 0.4,
+        "safe": SAFE,
+        "echo": True,
+    }
     return bridged({**fixed, "command": [sys.executable, str(script)], **plan}, folder)
 
 
@@ -151,7 +167,14 @@ def outputs(text: str, **changed: Any) -> str:
 @pytest.fixture
 def answer_of(monkeypatch: pytest.MonkeyPatch) -> Callable[[bytes], Any]:
     """Return the function that reads the outputs of a line, after a request of the time 7.5."""
-    hal = SimpleNamespace(HAL_IN=0, HAL_OUT=0, HAL_FLOAT=0, HAL_BIT=0, HAL_S32=0, HAL_U32=0)
+    hal = SimpleNamespace(
+        HAL_IN=0,
+        HAL_OUT=0,
+        HAL_FLOAT=0,
+        HAL_BIT=0,
+        HAL_S32=0,
+        HAL_U32=0,
+    )
     monkeypatch.setitem(sys.modules, "hal", hal)
     spec = importlib.util.spec_from_file_location("hal_bridge", BRIDGE)
     assert spec is not None
@@ -355,7 +378,13 @@ def test_the_plant_cuts_where_the_control_moves(plant: Plant) -> None:
 def test_the_plant_removes_nothing_while_the_control_stands(plant: Plant) -> None:
     along = cut(plant, cycles=1500)["along"]
     for _ in range(50):
-        values = plant.advance(CYCLE, along, spindle_speed=710.0, velocity=0.0, in_feed=False)
+        values = plant.advance(
+            CYCLE,
+            along,
+            spindle_speed=710.0,
+            velocity=0.0,
+            in_feed=False,
+        )
         assert values["removed"] < 1e-4
 
 
@@ -363,7 +392,13 @@ def test_the_plant_removes_nothing_while_the_control_stands(plant: Plant) -> Non
 def test_a_return_to_the_beginning_brings_the_next_bar_once(plant: Plant) -> None:
     along = cut(plant, cycles=1500)["along"]
     for position in np.linspace(along, 0.0, 20):
-        plant.advance(CYCLE, position, spindle_speed=710.0, velocity=0.0, in_feed=False)
+        plant.advance(
+            CYCLE,
+            position,
+            spindle_speed=710.0,
+            velocity=0.0,
+            in_feed=False,
+        )
     values = cut(plant, cycles=100)
     assert values["bar"] == 1.0
     assert values["along"] == pytest.approx(100 * 4.0 * CYCLE)
@@ -407,7 +442,12 @@ def test_figures_of_a_run_add_up_its_cycles() -> None:
 
 @pytest.mark.slow
 def test_the_simulated_figures_are_those_of_the_documentation() -> None:
-    simulated = linuxcnc.simulated("programmed", Scenario.load("override"), bars=1, seed=0)
+    simulated = linuxcnc.simulated(
+        "programmed",
+        Scenario.load("override"),
+        bars=1,
+        seed=0,
+    )
     comparison = linuxcnc.Comparison(linuxcnc=simulated, simulation=simulated)
     table = linuxcnc.table({"programmed": comparison})
     assert "| programmed | simulation | 22.4" in table  # docs/connect_a_lathe.md

@@ -34,12 +34,26 @@ AT_REST = {
 def agent() -> Agent:
     """Return an agent of a lathe at rest."""
     agent = Agent()
-    agent.observe(0.0, AT_REST | {"xp": "40.5", "xpm": "-200", "xl": "UNAVAILABLE", "zl": 5})
+    agent.observe(
+        0.0,
+        AT_REST
+        | {
+            "xp": "40.5",
+            "xpm": "-200",
+            "xl": "UNAVAILABLE",
+            "zl": 5,
+        },
+    )
     return agent
 
 
 def source(url: str, **parts: str) -> MTConnectSource:
-    return MTConnectSource(url, INTERVAL, parts=Parts(**parts), security=Security())
+    return MTConnectSource(
+        url,
+        INTERVAL,
+        parts=Parts(**parts),
+        security=Security(),
+    )
 
 
 def times(count: int) -> Callable[[], bool]:
@@ -56,7 +70,16 @@ def read(url: str, last: Sample | None = None, cycles: int = 3) -> list[Sample]:
 def test_items_are_found_by_their_types_and_read_in_the_units_of_the_record(agent: Agent) -> None:
     with serving(agent) as url:
         (at_rest,) = read(url)
-        agent.observe(2.0, {"sa": 900, "sw": 4321, "sl": 33, "pf": 3.75, "ex": "ACTIVE"})
+        agent.observe(
+            2.0,
+            {
+                "sa": 900,
+                "sw": 4321,
+                "sl": 33,
+                "pf": 3.75,
+                "ex": "ACTIVE",
+            },
+        )
         (cutting,) = read(url, at_rest)
     assert (at_rest.x, at_rest.z_load, at_rest.running) == (40.5, 5.0, 0.0)
     assert math.isnan(at_rest.x_load)  # it is unavailable
@@ -81,7 +104,12 @@ def test_a_lost_connection_loses_nothing_while_the_buffer_holds(
     stop = threading.Event()
 
     def log(url: str) -> None:
-        logged = reconnecting(source(url), None, lambda: not stop.is_set(), pause=0.02)
+        logged = reconnecting(
+            source(url),
+            None,
+            lambda: not stop.is_set(),
+            pause=0.02,
+        )
         samples.extend(logged)
 
     def requests_of_samples() -> int:
@@ -200,7 +228,12 @@ def test_of_several_spindles_the_user_names_one(agent: Agent) -> None:
 def test_a_password_goes_over_http_only_if_the_user_says_so() -> None:
     def asked(**values: str) -> MTConnectSource:
         security = Security(user="turner", password="secret", **values)
-        return MTConnectSource("http://127.0.0.1:1", INTERVAL, parts=Parts(), security=security)
+        return MTConnectSource(
+            "http://127.0.0.1:1",
+            INTERVAL,
+            parts=Parts(),
+            security=security,
+        )
 
     with pytest.raises(UserError, match="unencrypted"):
         asked()

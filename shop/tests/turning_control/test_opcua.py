@@ -32,7 +32,12 @@ STEADY = {
     "thrust_force": 700.0,
     "edge": 0,
 }
-COMMANDS = {"adaptive_feed": 0.1, "spindle_override": 0.1, "status": 0, "alive": 0}
+COMMANDS = {
+    "adaptive_feed": 0.1,
+    "spindle_override": 0.1,
+    "status": 0,
+    "alive": 0,
+}
 INTERVAL = 0.05
 
 

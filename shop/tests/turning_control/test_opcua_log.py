@@ -99,7 +99,13 @@ def source(
     server: Server, machine: str = "Lathe", nodes: Path | None = None, **parts: str
 ) -> OpcUaSource:
     chosen = Parts(machine=machine, **parts)
-    return OpcUaSource(server.url, 0.02, parts=chosen, security=Security(), nodes=nodes)
+    return OpcUaSource(
+        server.url,
+        0.02,
+        parts=chosen,
+        security=Security(),
+        nodes=nodes,
+    )
 
 
 def times(count: int) -> Callable[[], bool]:
@@ -124,7 +130,12 @@ def test_quantities_are_found_by_browse_names_and_nothing_is_written(server: Ser
 
 def test_of_several_machines_and_spindles_the_user_names_one(server: Server) -> None:
     with pytest.raises(UserError, match="Lathe, Twin"):
-        OpcUaSource(server.url, 0.02, parts=Parts(), security=Security()).found()
+        OpcUaSource(
+            server.url,
+            0.02,
+            parts=Parts(),
+            security=Security(),
+        ).found()
     with pytest.raises(UserError, match="S1, S2"):
         source(server, "Twin").found()
     sample = next(source(server, "Twin", spindle="S2").samples(None, times(4)))

@@ -151,7 +151,12 @@ def greedy_network(onnx, entries: int):  # type: ignore[no-untyped-def]
     nodes = [
         make.make_node("ConstantOfShape", ["size"], ["zeros"]),
         make.make_node("ReduceSum", ["zeros", "axes"], ["zero"], keepdims=1),
-        make.make_node("ReduceSum", ["observation", "one"], ["sum"], keepdims=1),
+        make.make_node(
+            "ReduceSum",
+            ["observation", "one"],
+            ["sum"],
+            keepdims=1,
+        ),
         make.make_node("Mul", ["sum", "zero"], ["product"]),
         make.make_node("Concat", ["product", "product"], ["action"], axis=1),
     ]

@@ -26,7 +26,14 @@ class Interrupted:
 
 def test_a_machine_that_stays_away_is_named_once(capsys: pytest.CaptureFixture[str]) -> None:
     source = Interrupted(True, False, False, True)
-    samples = list(reconnecting(source, None, lambda: bool(source.brings), pause=0.0))
+    samples = list(
+        reconnecting(
+            source,
+            None,
+            lambda: bool(source.brings),
+            pause=0.0,
+        )
+    )
     assert len(samples) == 2
     said = capsys.readouterr().err.splitlines()
     lost = "lost: no answer; trying again"

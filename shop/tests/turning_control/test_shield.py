@@ -151,7 +151,12 @@ def test_the_shield_never_asks_for_more_removal_than_the_policy() -> None:
         asked_speed, asked_feed = commanded(
             policy.answer, speed_before, feed=feed_before, scenario=scenario
         )
-        speed, feed = commanded(actions, speed_before, feed=feed_before, scenario=scenario)
+        speed, feed = commanded(
+            actions,
+            speed_before,
+            feed=feed_before,
+            scenario=scenario,
+        )
         # The feed cannot fall below the lowest, whatever the speed.
         allowed = np.maximum(asked_speed * asked_feed, scenario.machine.feed_min * speed)
         assert (speed * feed <= allowed * (1 + 1e-5)).all()
@@ -194,7 +199,13 @@ def test_adversaries_stay_within_the_limits_and_break_no_edge() -> None:
 def attacks() -> list[Attack]:
     """Return the result of a small search: the three worst adversaries, on both kinds of seeds."""
     scenario = limited(Scenario.load("rough_turning"), minutes=1.0)
-    budget = Budget(candidates=10, generations=2, episodes=1, worst=3, held_out=2)
+    budget = Budget(
+        candidates=10,
+        generations=2,
+        episodes=1,
+        worst=3,
+        held_out=2,
+    )
     return list(attack("RoughTurning-v0", scenario, budget, Settings()))
 
 

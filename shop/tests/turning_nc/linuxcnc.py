@@ -161,12 +161,25 @@ class _State:
     def _move(self, name: str, values: list[float]) -> None:
         """Add the move of a command, if it makes one."""
         if name == "DWELL":
-            dwell = Canonical("dwell", self.here, centre=None, clockwise=False, time=values[0])
+            dwell = Canonical(
+                "dwell",
+                self.here,
+                centre=None,
+                clockwise=False,
+                time=values[0],
+            )
             self.moves.append(dwell)
         elif name == "STRAIGHT_TRAVERSE":
             # X, Y and Z of the end.
             self.here = self._point(values[2], values[0])
-            self.moves.append(Canonical("rapid", self.here, centre=None, clockwise=False))
+            self.moves.append(
+                Canonical(
+                    "rapid",
+                    self.here,
+                    centre=None,
+                    clockwise=False,
+                )
+            )
         elif name == "STRAIGHT_FEED":
             self.here = self._point(values[2], values[0])
             self._feed(centre=None, clockwise=False)

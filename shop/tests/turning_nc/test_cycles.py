@@ -61,7 +61,13 @@ def test_a_chamfer_of_an_obtuse_corner_is_as_long_as_written() -> None:
 POCKETS = (
     "G1 Z-10.\nX44. Z-20.\nZ-30.\nX70. Z-40.\nZ-45.\nX60. Z-55.\nG2 X80. Z-65. R10.\nG1 Z-80.\n"
 )
-RADII_OF_POCKETS = {-5.0: 25.0, -25.0: 22.0, -42.0: 35.0, -54.9: 30.05, -75.0: 40.0}
+RADII_OF_POCKETS = {
+    -5.0: 25.0,
+    -25.0: 22.0,
+    -42.0: 35.0,
+    -54.9: 30.05,
+    -75.0: 40.0,
+}
 STEPS = "G1 Z-30.\nG2 X60. Z-35. R5.\nG1 Z-60.\nX80. Z-80.\n"
 
 
@@ -191,7 +197,12 @@ def test_the_side_is_that_of_the_control(text: str, side: str) -> None:
 
 
 def test_a_given_side_wins_and_a_contradiction_names_it() -> None:
-    contradiction = roughing(start="18.", cycle="U0.4 W0.1", first="50.", last="20.")
+    contradiction = roughing(
+        start="18.",
+        cycle="U0.4 W0.1",
+        first="50.",
+        last="20.",
+    )
     with pytest.raises(NcError, match=r"line 6: .*--side 6=outside"):
         moves(contradiction)
     made = run(divide(contradiction), Reading(sides={6: "inside"}))

@@ -39,7 +39,12 @@ def test_a_law_program_reads_back_equal(rule: str) -> None:
 def test_a_law_does_what_the_controller_does(rule: str) -> None:
     program = law_program(rule)
     make_policy = catalogue.spec(rule, OVERRIDES).make
-    differences, original = compare(program, make_policy, scenario=OVERRIDES, seed=11)
+    differences, original = compare(
+        program,
+        make_policy,
+        scenario=OVERRIDES,
+        seed=11,
+    )
     assert len(differences) > 1000
     assert max(differences) < 0.5
     assert sum(differences) < 0.05 * len(differences)

@@ -33,7 +33,12 @@ def paths(made: Moves) -> list[ToolPath]:
 
 @pytest.mark.parametrize("name", ["KONTUR__SPF", "kontur__spf", "_N_KONTUR_SPF", "KONTUR__MPF"])
 def test_a_contour_beside_the_program_is_read(name: str, tmp_path: Path) -> None:
-    made = in_files(tmp_path, WELLE__MPF=MAIN, **{name: CONTOUR}, L5__SPF=L5)
+    made = in_files(
+        tmp_path,
+        WELLE__MPF=MAIN,
+        **{name: CONTOUR},
+        L5__SPF=L5,
+    )
     assert paths(made) == paths(moves(SIEMENS))
     contour_note, sub_program_note = [note for note in made.notes if "which the program" in note]
     assert "lines 9 to 12 are those of" in contour_note
@@ -50,7 +55,12 @@ def test_a_sub_program_of_a_fanuc_beside_the_program_is_read(
 
 
 def test_files_that_are_not_called_are_not_read(tmp_path: Path) -> None:
-    made = in_files(tmp_path, WELLE__MPF=SIEMENS, KONTUR__SPF="damaged (", OTHER__SPF="G1 X1")
+    made = in_files(
+        tmp_path,
+        WELLE__MPF=SIEMENS,
+        KONTUR__SPF="damaged (",
+        OTHER__SPF="G1 X1",
+    )
     assert paths(made) == paths(moves(SIEMENS))
     assert not any("which the program" in note for note in made.notes)
 

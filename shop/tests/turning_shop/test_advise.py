@@ -54,7 +54,12 @@ def test_advice_keeps_the_limits_and_names_those_that_bind() -> None:
     worst = math.exp(-1.96 * scenario.tool.wear_factor_spread / scenario.material.wear.time)
     for entry in advice:
         cuts = entry.plan.cuts
-        assert what_if(scenario, cuts.cutting_speed, cuts.feed, wear=cuts.wear).within_limits
+        assert what_if(
+            scenario,
+            cuts.cutting_speed,
+            cuts.feed,
+            wear=cuts.wear,
+        ).within_limits
         assert entry.plan.parts == int(entry.plan.parts) > 0
         assert entry.plan.minutes <= cuts.time * worst
     assert cost.plan.cost <= metal.plan.cost
@@ -120,15 +125,31 @@ def test_two_ends_at_the_same_feed_bind_together() -> None:
 
 def test_an_edge_that_lasts_no_part_is_changed_within_one() -> None:
     scenario = Scenario.load({"workpiece": {"bar_length": 5000.0}})
-    planned = plan(scenario, Evidence(), cutting_speed=150.0, feed=0.3, wear=0.3)
+    planned = plan(
+        scenario,
+        Evidence(),
+        cutting_speed=150.0,
+        feed=0.3,
+        wear=0.3,
+    )
     assert 0 < planned.parts < 1
     assert "min of cutting" in planned.where
 
 
 def test_prices_are_money_only_with_a_rate() -> None:
-    assert Prices.of(Scenario()) == Prices("min", minute=1.0, edge=3.0, change_time=2.0)
+    assert Prices.of(Scenario()) == Prices(
+        "min",
+        minute=1.0,
+        edge=3.0,
+        change_time=2.0,
+    )
     priced = Scenario.load({"economics": MONEY})
-    assert Prices.of(priced) == Prices("CHF", minute=1.5, edge=3.0, change_time=2.0)
+    assert Prices.of(priced) == Prices(
+        "CHF",
+        minute=1.5,
+        edge=3.0,
+        change_time=2.0,
+    )
     with pytest.raises(WorkshopError, match=r"machine_rate is 0"):
         Prices.of(Scenario.load({"economics": {"insert_price": 3.0}}))
     with pytest.raises(ScenarioError, match="currency"):
@@ -174,7 +195,19 @@ def test_wear_that_was_not_measured_has_taylors_exponent(priced: Path) -> None:
     # Taylor's n of coated carbide; the wear at the preset's start stays as it is.
     assert wear.time / wear.cutting_speed == pytest.approx(0.25)
     preset = Scenario().material.wear
-    assert wear(125, 0.3, 2.5, time=10) == pytest.approx(preset(125, 0.3, 2.5, time=10))
+    assert wear(
+        125,
+        0.3,
+        2.5,
+        time=10,
+    ) == pytest.approx(
+        preset(
+            125,
+            0.3,
+            2.5,
+            time=10,
+        )
+    )
 
 
 def test_values_of_a_preset_count_as_stated() -> None:
@@ -303,7 +336,12 @@ def test_the_best_rule_and_an_agent_are_compared_with_fixed_parameters() -> None
     best = advise(weaker, Evidence())[0].plan
 
     agent = shipped_agent("RoughTurning-v0", "rough_turning")
-    fixed, rule, learned = play_all(weaker, best, agents=[agent], edges=2).results
+    fixed, rule, learned = play_all(
+        weaker,
+        best,
+        agents=[agent],
+        edges=2,
+    ).results
     assert rule.name == "rule predictive"
     assert learned.name == "agent ppo-seed0"
     assert fixed.saved.value == 0

@@ -53,7 +53,12 @@ def test_values_of_a_base_file_are_kept() -> None:
     assert made.limits.thrust_force == NO_LIMIT["thrust_force"]
     # One edge does not tell how edges differ, and no file states it.
     assert made.tool.wear_factor_spread == TYPICAL_EDGE_SPREAD["wear"]
-    changes = {"material": base.material, "name": "old", "limits": base.limits, "tool": base.tool}
+    changes = {
+        "material": base.material,
+        "name": "old",
+        "limits": base.limits,
+        "tool": base.tool,
+    }
     assert made.model_copy(update=changes) == base
     comment = "# The law of power is the base's: there is no column power"
     assert comment in Path("my_tool.toml").read_text()
@@ -95,7 +100,12 @@ def test_a_sheet_that_cannot_tell_the_exponent_of_speed_gets_the_catalogues(
     assert calibrate(measurements="wear.csv") == 0
     law = Scenario.load("my_tool.toml").material.wear
     assert law.time / law.cutting_speed == pytest.approx(0.25, rel=0.02)
-    assert law(220, 0.3, 2, time=10) == pytest.approx(true_wear(0.3, 10), rel=0.03)
+    assert law(
+        220,
+        0.3,
+        2,
+        time=10,
+    ) == pytest.approx(true_wear(0.3, 10), rel=0.03)
     assert "Taylor's n is 0.25" in Path("my_tool.toml").read_text()
 
 

@@ -135,8 +135,18 @@ def test_a_raw_sheet_is_read_as_it_comes(
     assert "cutting_speed 300 m/min in all rows" in printed
     material = Scenario.load(out).material
     fresh_force = np.hypot(295, 195)
-    assert material.thrust_force(300, 0.2, 1.5, wear=0.0) == pytest.approx(fresh_force, rel=0.05)
-    assert material.power(300, 0.2, 1.5, wear=0.0) == pytest.approx(505 * 300 / 60e3, rel=0.03)
+    assert material.thrust_force(
+        300,
+        0.2,
+        1.5,
+        wear=0.0,
+    ) == pytest.approx(fresh_force, rel=0.05)
+    assert material.power(
+        300,
+        0.2,
+        1.5,
+        wear=0.0,
+    ) == pytest.approx(505 * 300 / 60e3, rel=0.03)
 
 
 @pytest.mark.parametrize(

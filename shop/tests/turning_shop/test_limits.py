@@ -47,7 +47,12 @@ def slender(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Scenario:
 
 def cheapest(scenario: Scenario) -> Cuts:
     """Return the cheapest cut within the limits."""
-    best = best_plan(scenario, Evidence(), tried_plans(scenario, Evidence()), aim=MIN_COST)
+    best = best_plan(
+        scenario,
+        Evidence(),
+        tried_plans(scenario, Evidence()),
+        aim=MIN_COST,
+    )
     assert best
     return best.cuts
 
@@ -135,7 +140,12 @@ def test_assumed_and_long_overhangs_are_said(slender: Scenario) -> None:
 
 
 def test_bending_limits_the_thrust_force_in_the_simulation(slender: Scenario) -> None:
-    best = best_plan(slender, Evidence(), tried_plans(slender, Evidence()), aim=MIN_COST)
+    best = best_plan(
+        slender,
+        Evidence(),
+        tried_plans(slender, Evidence()),
+        aim=MIN_COST,
+    )
     assert best
     force = allowed_loads(slender).thrust_force
     assert clocked(slender, best).limits.thrust_force == pytest.approx(force)

@@ -208,14 +208,27 @@ def test_the_page_shows_inches(
 ) -> None:
     _, evidence = load(scenario.file or "rough_turning")
     path = tmp_path / "page.html"
-    path.write_text(render(scenario, evidence, advise(scenario, evidence), units=INCH), "utf-8")
+    path.write_text(
+        render(
+            scenario,
+            evidence,
+            advise(scenario, evidence),
+            units=INCH,
+        ),
+        "utf-8",
+    )
     page = opened(path.as_uri(), 1280)
     page.fill("#cutting_speed", "500")
     page.fill("#feed", "0.012")
     settings = {"cutting_speed": 500 * 0.3048, "feed": 0.012 * 25.4}
     wear = float(page.input_value("#wear")) * 25.4
     depth = float(page.input_value("#depth_of_cut")) * 25.4
-    expected = what_if(scenario, **settings, depth_of_cut=depth, wear=wear)
+    expected = what_if(
+        scenario,
+        **settings,
+        depth_of_cut=depth,
+        wear=wear,
+    )
     thrust = page.text_content('[data-name="thrust_force"]') or ""
     assert float(thrust.split()[0]) == pytest.approx(expected.thrust_force / 4.448, rel=0.01)
     assert thrust.split()[1].startswith("lbf")

@@ -30,7 +30,12 @@ def sheet() -> dict[str, np.ndarray]:
     wear = MATERIAL.wear(**settings, time=time) * np.exp(scatter[0])
     force = MATERIAL.thrust_force(**settings, wear=wear) * np.exp(scatter[1])
     power = MATERIAL.power(**settings, wear=wear) * np.exp(scatter[2])
-    return settings | {"time": time, "wear": wear, "thrust_force": force, "power": power}
+    return settings | {
+        "time": time,
+        "wear": wear,
+        "thrust_force": force,
+        "power": power,
+    }
 
 
 def text(columns: dict[str, np.ndarray], header: str = "", separator: str = ",") -> str:

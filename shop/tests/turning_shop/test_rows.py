@@ -99,7 +99,12 @@ def test_a_sheet_of_fresh_edges_gets_a_typical_growth_with_wear(
     assert float(printed[2]) == pytest.approx(0.26, rel=0.12)
     assert "fresh edges" in "\n".join(evidence.warnings)
     fresh_power = 1800 * 0.3**0.74 * 2 * 190 / 60e3
-    assert scenario.material.power(190, 0.3, 2.0, wear=0.0) == pytest.approx(fresh_power, rel=0.03)
+    assert scenario.material.power(
+        190,
+        0.3,
+        2.0,
+        wear=0.0,
+    ) == pytest.approx(fresh_power, rel=0.03)
     worn = what_if(scenario, 190, 0.3, depth_of_cut=2.0, wear=0.2)
     growth = 1 + 0.2 * TYPICAL_GROWTH["power"]
     assert worn.power == pytest.approx(growth * fresh_power, rel=0.03)

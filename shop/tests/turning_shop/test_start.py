@@ -266,7 +266,14 @@ def test_a_decimal_comma_asks_for_a_point(words: str, capsys: pytest.CaptureFixt
 
 
 def test_the_answer_has_intervals_a_limit_and_what_to_measure(machine: str) -> None:
-    question = Question("42CrMo4", "CNMG120408-PM", "P25", stock=BAR, depth=2.0, machine=machine)
+    question = Question(
+        "42CrMo4",
+        "CNMG120408-PM",
+        "P25",
+        stock=BAR,
+        depth=2.0,
+        machine=machine,
+    )
     job = job_of(question)
     advice = start_advice(job)
     best = advice[0].plan
@@ -284,7 +291,14 @@ def test_the_answer_has_intervals_a_limit_and_what_to_measure(machine: str) -> N
 def test_on_a_weak_machine_the_power_is_what_to_measure(tmp_path: Path) -> None:
     path = tmp_path / "weak.toml"
     path.write_text(MACHINE.replace("15.0", "4.0"))
-    question = Question("42CrMo4", "CNMG120408-PM", "P25", BAR, depth=2.0, machine=str(path))
+    question = Question(
+        "42CrMo4",
+        "CNMG120408-PM",
+        "P25",
+        BAR,
+        depth=2.0,
+        machine=str(path),
+    )
     job = job_of(question)
     advice = start_advice(job)
     assert advice[0].plan.cuts.power <= 4.0
@@ -295,7 +309,14 @@ def test_on_a_weak_machine_the_power_is_what_to_measure(tmp_path: Path) -> None:
 def test_a_depth_that_the_spindle_can_turn_is_named(tmp_path: Path) -> None:
     path = tmp_path / "weak.toml"
     path.write_text(MACHINE.replace("15.0", "2.0"))
-    question = Question("42CrMo4", "CNMG120408-PM", "P25", BAR, depth=4.0, machine=str(path))
+    question = Question(
+        "42CrMo4",
+        "CNMG120408-PM",
+        "P25",
+        BAR,
+        depth=4.0,
+        machine=str(path),
+    )
     job = job_of(question)
     with pytest.raises(WorkshopError, match=r"depth_of_cut to about (1\.\d) mm") as refused:
         start_advice(job)
@@ -306,7 +327,14 @@ def test_a_depth_that_the_spindle_can_turn_is_named(tmp_path: Path) -> None:
 def test_the_machine_and_the_box_come_before_the_catalogue(tmp_path: Path) -> None:
     path = tmp_path / "slow.toml"
     path.write_text("[machine]\ncutting_speed_max = 160.0\nfeed_max = 0.3\n")
-    question = Question("P6", "CNMG120408-PM", "P25", BAR, depth=2.0, machine=str(path))
+    question = Question(
+        "P6",
+        "CNMG120408-PM",
+        "P25",
+        BAR,
+        depth=2.0,
+        machine=str(path),
+    )
     job = job_of(question)
     cuts = cheapest(job).cuts
     assert cuts.cutting_speed <= 160.0

@@ -202,7 +202,12 @@ def turning_feeds(monkeypatch: pytest.MonkeyPatch) -> Any:
 
 def suggested(turning_feeds: Any, material: str, shape: str = "Iso_Shape_C") -> Any:
     presets = tuple(json.loads(toolbit_of([PM]))["presets"])
-    tool = SimpleNamespace(diameter=1.48, flutes=None, presets=presets, shape_id=shape)
+    tool = SimpleNamespace(
+        diameter=1.48,
+        flutes=None,
+        presets=presets,
+        shape_id=shape,
+    )
     context = SimpleNamespace(name=material, uuid=None)
     return turning_feeds.TurningProvider().suggest(tool, context, SimpleNamespace(op_type=None))
 

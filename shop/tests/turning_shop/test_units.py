@@ -90,7 +90,12 @@ def test_the_map_has_inch_axes_and_the_same_best_cut() -> None:
 
 def test_the_page_knows_its_units_and_computes_in_metric() -> None:
     scenario = Scenario()
-    best = best_plan(scenario, Evidence(), tried_plans(scenario, Evidence()), aim=MIN_COST)
+    best = best_plan(
+        scenario,
+        Evidence(),
+        tried_plans(scenario, Evidence()),
+        aim=MIN_COST,
+    )
     assert best
     metric = page_data(scenario, Evidence(), [(MIN_COST, best, ())])  # type: ignore[list-item]
     inch = page_data(scenario, Evidence(), [(MIN_COST, best, ())], INCH)  # type: ignore[list-item]

@@ -229,7 +229,12 @@ def test_the_strength_of_edges_bounds_programs_too(
         loads[name] = result["totals"]["max_load"]
         is_noted = any("tool.edge_strength" in note for note in result["notes"])
         assert is_noted == (name == "strong.toml")
-    force = what_if(load("tool.toml")[0], 180, 0.4, wear=0.3).thrust_force
+    force = what_if(
+        load("tool.toml")[0],
+        180,
+        0.4,
+        wear=0.3,
+    ).thrust_force
     allowed = allowed_loads(load("strong.toml")[0])
     assert loads["strong.toml"] == pytest.approx(force / allowed.thrust_force, rel=0.02)
     assert loads["strong.toml"] > 1.0
@@ -361,4 +366,11 @@ def test_the_tool_life_of_the_preset_does_not_depend_on_the_start(tmp_path: Path
     fast, _ = load(tmp_path / "fast.toml")
     usual, _ = load(tmp_path / "usual.toml")
     life = what_if(fast, 190, 0.3, wear=0.2).tool_life
-    assert life == pytest.approx(what_if(usual, 190, 0.3, wear=0.2).tool_life)
+    assert life == pytest.approx(
+        what_if(
+            usual,
+            190,
+            0.3,
+            wear=0.2,
+        ).tool_life
+    )

@@ -54,7 +54,14 @@ def test_the_environment_says_the_same() -> None:
 def test_time_and_wear_are_two_sides_of_one_law(
     speed: float, feed: float, depth: float, hardness: float
 ) -> None:
-    predict = partial(what_if, BASE, speed, feed, depth_of_cut=depth, hardness=hardness)
+    predict = partial(
+        what_if,
+        BASE,
+        speed,
+        feed,
+        depth_of_cut=depth,
+        hardness=hardness,
+    )
     worn = predict(wear=0.2)
     again = predict(time=worn.time)
     for name, value in worn._asdict().items():

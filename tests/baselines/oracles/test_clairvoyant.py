@@ -30,7 +30,12 @@ def test_knowing_the_present_earns_less_than_knowing_all_but_not_much_less(
     scenario: Scenario,
 ) -> None:
     bound = bounds(scenario, SEEDS)
-    episodes = play(lambda num_envs: PerfectState(scenario, num_envs), scenario, SEEDS, tell=True)
+    episodes = play(
+        lambda num_envs: PerfectState(scenario, num_envs),
+        scenario,
+        SEEDS,
+        tell=True,
+    )
     assert (episodes["return"] <= bound).all()
     assert (bound - episodes["return"] < 0.15 * episodes["time"]).all()
 
@@ -47,7 +52,13 @@ def test_finer_grids_move_it_by_less_than_its_tolerance() -> None:
 @pytest.mark.slow
 def test_it_does_not_depend_on_threads_or_on_what_is_computed_beside_it() -> None:
     calls: list[int] = []
-    together = bounds(BASE, SEEDS, COARSE, on_seed=lambda: calls.append(1), threads=2)
+    together = bounds(
+        BASE,
+        SEEDS,
+        COARSE,
+        on_seed=lambda: calls.append(1),
+        threads=2,
+    )
     for seed, bound in zip(SEEDS, together, strict=True):
         assert bounds(BASE, [seed], COARSE, threads=1)[0] == bound
     assert len(calls) == 2

@@ -33,7 +33,12 @@ def test_knowing_the_load_is_worth_more_than_measuring_it(
     task: Scenario, brief: Scenario, rule: str
 ) -> None:
     measured = play(catalogue.spec(rule, brief, tuned_on=task).make, brief, SEEDS)
-    known = play(lambda num_envs: PerfectLoad(brief, num_envs), brief, SEEDS, tell=True)
+    known = play(
+        lambda num_envs: PerfectLoad(brief, num_envs),
+        brief,
+        SEEDS,
+        tell=True,
+    )
     assert (known["return"] > measured["return"]).all()
 
 
@@ -49,10 +54,20 @@ def test_a_constant_depth_is_cut_at_the_limit_and_not_above() -> None:
             "hardness_along_spread": 0.0,
         },
     )
-    episodes = play(lambda num_envs: PerfectLoad(steady, num_envs), steady, SEEDS, tell=True)
+    episodes = play(
+        lambda num_envs: PerfectLoad(steady, num_envs),
+        steady,
+        SEEDS,
+        tell=True,
+    )
     assert episodes["excess"].sum() < 1e-3 * episodes["engaged_time"].sum()
     lower_limit = changed(steady, limits={"power": 0.98 * steady.limits.power})
-    cautious = play(lambda num_envs: PerfectLoad(lower_limit, num_envs), steady, SEEDS, tell=True)
+    cautious = play(
+        lambda num_envs: PerfectLoad(lower_limit, num_envs),
+        steady,
+        SEEDS,
+        tell=True,
+    )
     assert (episodes["time"] < cautious["time"]).all()
 
 

@@ -39,7 +39,12 @@ def test_a_regression_leads_one_constant_where_the_context_tells_the_best_speed(
     tells: bool,
 ) -> None:
     generator = torch.Generator().manual_seed(3)
-    context = torch.randn(JOBS, 3, dtype=torch.double, generator=generator).sign()
+    context = torch.randn(
+        JOBS,
+        3,
+        dtype=torch.double,
+        generator=generator,
+    ).sign()
     hidden = torch.randn(JOBS, dtype=torch.double, generator=generator).sign()
     cause = context[:, 1] if tells else hidden
     returns = surfaces(np.log(SPEEDS[1]) + 0.19 * cause)

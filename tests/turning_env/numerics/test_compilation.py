@@ -49,7 +49,13 @@ def plays() -> dict[str, Record]:
 def test_an_interpreted_process_with_another_hash_seed_gives_the_same_bytes() -> None:
     variables = os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONHASHSEED": "1"}
     command = [sys.executable, "-W", "error", "-c", INTERPRETED]
-    run = subprocess.run(command, cwd=REPOSITORY, env=variables, capture_output=True, check=False)
+    run = subprocess.run(
+        command,
+        cwd=REPOSITORY,
+        env=variables,
+        capture_output=True,
+        check=False,
+    )
     assert run.returncode == 0, run.stderr.decode()
     interpreted = pickle.loads(run.stdout)
     compiled = plays()

@@ -41,7 +41,13 @@ def test_expm1_is_the_c_librarys():
 
 
 def test_log_is_the_c_librarys():
-    assert_same_as_library(log, np.log, ABOVE_ZERO, rel=7e-16, tiny=1e-300)
+    assert_same_as_library(
+        log,
+        np.log,
+        ABOVE_ZERO,
+        rel=7e-16,
+        tiny=1e-300,
+    )
 
 
 @pytest.mark.parametrize("exponent", EXPONENTS)
@@ -63,8 +69,18 @@ def test_sine_and_cosine_are_the_c_librarys():
         return sine_and_cosine(turns)[1]
 
     # The C library's angle is rounded, hence the tolerance.
-    assert_same_as_library(sine, lambda turns: np.sin(2 * np.pi * turns), TURNS, tiny=4e-15)
-    assert_same_as_library(cosine, lambda turns: np.cos(2 * np.pi * turns), TURNS, tiny=4e-15)
+    assert_same_as_library(
+        sine,
+        lambda turns: np.sin(2 * np.pi * turns),
+        TURNS,
+        tiny=4e-15,
+    )
+    assert_same_as_library(
+        cosine,
+        lambda turns: np.cos(2 * np.pi * turns),
+        TURNS,
+        tiny=4e-15,
+    )
 
 
 def test_sine_and_cosine_lie_on_the_unit_circle():

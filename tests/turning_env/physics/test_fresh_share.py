@@ -10,7 +10,12 @@ from turning_env import PowerLaw, RoughTurningEnv, RoughTurningVectorEnv, Scenar
 from turning_env.physics.quantities import layout
 from turning_env.scenario.power_law import wear_exponent
 
-FORCE = PowerLaw(coefficient=6000.0, cutting_speed=-0.3, feed=0.6, depth_of_cut=0.8).model_dump()
+FORCE = PowerLaw(
+    coefficient=6000.0,
+    cutting_speed=-0.3,
+    feed=0.6,
+    depth_of_cut=0.8,
+).model_dump()
 FORCE |= {"wear": 1.0, "wear_growth": 4.0}
 MEASURED = changed(UNDISTURBED, material={"thrust_force": FORCE})
 # The nominal model has another form than the lathe.

@@ -30,7 +30,12 @@ def test_the_environment_wears_by_the_same_law(rule, set_points, interval, sub_s
     env.reset(seed=0)
     for _ in range(10):
         _, _, terminated, _, info = env.step(set_points)
-        expected = WEAR_LAW(info["cutting_speed"], info["feed"], 2.5, time=info["cutting_time"])
+        expected = WEAR_LAW(
+            info["cutting_speed"],
+            info["feed"],
+            2.5,
+            time=info["cutting_time"],
+        )
         assert info["wear"] == pytest.approx(expected, rel=1e-9)
         assert terminated == (info["wear"] >= WEAR_CRITERION)
         if terminated:

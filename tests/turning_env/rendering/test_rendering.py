@@ -100,7 +100,12 @@ def test_whole_parts_are_shown_more_slowly_than_steps():
 def test_frames_of_a_batch_are_those_of_single_environments():
     num_envs = 3
     actions = fixed_actions(20, num_envs, SHORT_LIVED)
-    envs = RoughTurningVectorEnv(num_envs, SHORT_LIVED, render_mode="rgb_array", rendered_envs=2)
+    envs = RoughTurningVectorEnv(
+        num_envs,
+        SHORT_LIVED,
+        render_mode="rgb_array",
+        rendered_envs=2,
+    )
     envs.reset(seed=6)
     for action in actions:
         envs.step(action)

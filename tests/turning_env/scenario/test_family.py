@@ -74,7 +74,12 @@ def test_the_truth_scatters_about_the_nominal_model_but_not_what_the_control_kno
 
 def test_held_out_rows_are_drawn_by_their_split_alone():
     rows = {"small": [6.5], "usual": [7.0], "large": [7.5]}
-    table = {"columns": ["power"], "rows": rows, "held_out": ["small", "large"], "source": "test"}
+    table = {
+        "columns": ["power"],
+        "rows": rows,
+        "held_out": ["small", "large"],
+        "source": "test",
+    }
     drawn = {
         "tables": {"machine": table},
         "fields": {"limits.power": "power"},

@@ -281,5 +281,10 @@ def test_presets_of_measured_sets_need_force_from_a_fresh_edge(preset):
 )
 def test_presets_of_measured_sets_wear_as_their_edges(preset, cutting_speed, depth, measured_life):
     wear = Scenario.load(preset).material.wear
-    at_the_end = wear(cutting_speed, feed=0.1, depth_of_cut=depth, time=measured_life)
+    at_the_end = wear(
+        cutting_speed,
+        feed=0.1,
+        depth_of_cut=depth,
+        time=measured_life,
+    )
     assert at_the_end == pytest.approx(0.3, rel=0.01)

@@ -195,7 +195,13 @@ def test_a_network_cannot_read_a_sibling(
         + "product = Mul(first, one) sum = ReduceMax <keepdims = 0> (factors) "
         + "action = Mul(product, sum)"
     )
-    path = written(tmp_path, body, one=np.float32([1.0]), factors=factors, **PLACES)
+    path = written(
+        tmp_path,
+        body,
+        one=np.float32([1.0]),
+        factors=factors,
+        **PLACES,
+    )
     location = "weights"
     onnx.save(
         onnx.load(path),

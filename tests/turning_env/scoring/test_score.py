@@ -480,7 +480,12 @@ def test_a_normalised_model_is_scored_with_its_statistics_or_refused(tmp_path: P
 
 
 def test_the_policy_of_a_model_plays_on_plain_observations_with_a_notice() -> None:
-    model = PPO("MlpPolicy", RoughTurningVecEnv("paper", 2), seed=1, device="cpu")
+    model = PPO(
+        "MlpPolicy",
+        RoughTurningVecEnv("paper", 2),
+        seed=1,
+        device="cpu",
+    )
     with pytest.warns(UserWarning, match="ActorCriticPolicy does not say whether VecNormalize"):
         returns = returns_of(model.policy)
     assert returns == returns_of(model)
