@@ -301,6 +301,12 @@ def _log_load(law, log_depth, log_wear, log_limit):
 
 
 @compiled
+def _at_setting(log_load, law, speed, feed):
+    """Return the log ratio of a load to its limit at a log speed and feed."""
+    return log_load + law.cutting_speed[0] * speed + law.feed[0] * feed
+
+
+@compiled
 def _feed_at_limit(log_load, law, speed):
     """Return the log feed at which a load meets its limit at a log speed."""
     return -(log_load + law.cutting_speed[0] * speed) / law.feed[0]
@@ -396,15 +402,20 @@ def _best_return(  # noqa: PLR0913
     ``beliefs``: as from the function ``beliefs``, with the factor on the rate of wear in row 1.
     """
     p = parameters[0]
-    wear_law, force_law, power_law = p.wear_law, p.force_law, p.power_law
-    low_feed, high_feed = np.log(p.feed_min[0]), np.log(p.feed_max[0])
-    log_force_limit, log_power_limit = np.log(p.thrust_force_limit[0]), np.log(p.power_limit[0])
+    wear_law = p.wear_law
+    force_law = p.force_law
+    power_law = p.power_law
+    low_feed = np.log(p.feed_min[0])
+    high_feed = np.log(p.feed_max[0])
+    log_force_limit = np.log(p.thrust_force_limit[0])
+    log_power_limit = np.log(p.power_limit[0])
     crossing = 60.0 / p.revolutions_per_metre[0]  # time [s] of 1 mm at 1 m/min and 1 mm/rev
     air = p.approach[0] * crossing * np.exp(-np.log(p.cutting_speed_max[0]) - high_feed)
     log_depth = np.log(p.depth_of_cut[0])
     nominal_life = _log_rate_of_life(p)
     speeds = np.empty(speed_steps.shape[0] + 2 + ladder)
-    values, next_values = np.zeros(lives + 1), np.zeros(lives + 1)
+    values = np.zeros(lives + 1)
+    next_values = np.zeros(lives + 1)
     # Backwards over the bars and their stretches; values[j] belongs to the used life (j / lives)^2,
     # whose steps are short where an edge is fresh and wears fast.
     for bar in range(lengths.shape[0] - 1, -1, -1):
@@ -435,8 +446,8 @@ def _best_return(  # noqa: PLR0913
                         feed = min(max(kink + step, low_feed), high_feed)
                         time = length * crossing * np.exp(-speed - feed)
                         overload = _expected_overload(
-                            force + force_law.cutting_speed[0] * speed + force_law.feed[0] * feed,
-                            power + power_law.cutting_speed[0] * speed + power_law.feed[0] * feed,
+                            _at_setting(force, force_law, speed, feed),
+                            _at_setting(power, power_law, speed, feed),
                             belief,
                         )
                         using = rate * _rate_of_life(p, nominal_life, speed, feed) * time

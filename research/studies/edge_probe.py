@@ -7,7 +7,7 @@ regression for each form. Its area under the ROC curve (AUC) on jobs that were l
 the information is there: 0.5 is chance, 1 tells every lathe apart. ``unmodelled_draw`` prints it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -306,17 +306,24 @@ def by_speed(steps: Any) -> list[float]:
     return [*means, highest, highest - lowest, spread]
 
 
+def chunks_of_similar_length(limits: Sequence[float], size: int) -> Iterator[list[int]]:
+    """Yield the indices of jobs that are played together, by their time limits.
+
+    Jobs of a chunk last about as long, so that few environments wait for the others.
+    """
+    order = np.argsort(limits, kind="stable").tolist()
+    for first in range(0, len(order), size):
+        yield order[first : first + size]
+
+
 def explored(family: Family, split: str, num_jobs: int) -> Array:
     """Return the numbers of the histories of the first jobs, shape (jobs, numbers)."""
-    # Jobs of similar length are played together, so that few environments wait.
     limits = []
     for number in range(num_jobs):
         job = family.job(number, split)
         limits.append(job.scenario.control.time_limit)
-    order = np.argsort(limits, kind="stable").tolist()
     numbers: Any = None
-    for first in range(0, num_jobs, BATCH):
-        chunk = order[first : first + BATCH]
+    for chunk in chunks_of_similar_length(limits, BATCH):
         histories = explore(family, split, chunk)
         of_chunk = numbers_of(histories)
         if numbers is None:

@@ -29,6 +29,7 @@ from leaderboard.table import markdown
 from research.studies.edge_probe import (
     FOLDS,
     area_with_interval,
+    chunks_of_similar_length,
     explored,
     left_out_scores,
 )
@@ -80,11 +81,9 @@ def by_known_forms(family: Family, num_jobs: int) -> Row:
     truthful = Truthful.of(family, FORMS)
     jobs = [truthful.job(number, SPLIT) for number in range(num_jobs)]
     limits = [job.scenario.control.time_limit for job in jobs]
-    order = np.argsort(limits, kind="stable").tolist()
     parameters: Any = RULES["self_tuning"].fixed
     episodes: Episodes = {name: np.empty(num_jobs) for name in EPISODE_FIELDS}
-    for first in range(0, num_jobs, BATCH):
-        chunk = order[first : first + BATCH]
+    for chunk in chunks_of_similar_length(limits, BATCH):
         models = [jobs[number].scenario.nominal() for number in chunk]
         policy = KnownForms(models, len(chunk), **parameters)
         ended = play_family(truthful, SPLIT, chunk, make_policy=given(policy), context="hidden")
@@ -115,13 +114,16 @@ def by_regression(returns: Floats, context: Floats) -> Row:
     folds = np.arange(len(returns)) % FOLDS
     choices = np.empty(len(returns), np.int64)
     for fold in range(FOLDS):
-        others = folds != fold
-        mean = returns[others].mean(axis=0)
-        centred = context[others] - context[others].mean(axis=0)
+        left_out = folds == fold
+        known_returns = returns[~left_out]
+        known_context = context[~left_out]
+        mean_returns = known_returns.mean(axis=0)
+        mean_context = known_context.mean(axis=0)
+        centred = known_context - mean_context
         normal = centred.T @ centred + RIDGE * np.eye(context.shape[1])
-        slopes = np.linalg.solve(normal, centred.T @ (returns[others] - mean))
-        predicted = mean + (context[~others] - context[others].mean(axis=0)) @ slopes
-        choices[~others] = predicted.argmax(axis=1)
+        slopes = np.linalg.solve(normal, centred.T @ (known_returns - mean_returns))
+        predicted = mean_returns + (context[left_out] - mean_context) @ slopes
+        choices[left_out] = predicted.argmax(axis=1)
     chosen = returns[np.arange(len(returns)), choices]
     return Row("speed by regression on the context", chosen)
 
@@ -130,9 +132,10 @@ def worth(family: Family, num_jobs: int, log: Path) -> list[dict[str, str]]:
     """Return the table of what knowing the forms is worth."""
     grid = Plays(family, log).grid(num_jobs)
     rows = []
-    for place, log_speed in enumerate(LOG_SPEEDS):
+    for column, log_speed in enumerate(LOG_SPEEDS):
         share = float(np.exp(log_speed))
-        rows.append(Row(f"`self_tuning`, at most {share:.2f} start speeds", grid.returns[:, place]))
+        title = f"`self_tuning`, at most {share:.2f} start speeds"
+        rows.append(Row(title, grid.returns[:, column]))
     context = np.array([family.job(number, SPLIT).context for number in range(num_jobs)])
     rows.append(by_regression(grid.returns, context))
     if tuned.on_family(family, NAME):
@@ -146,18 +149,28 @@ def worth(family: Family, num_jobs: int, log: Path) -> list[dict[str, str]]:
 def cells(row: Row, strongest: Row) -> dict[str, str]:
     """Return the cells of a row, by heading."""
     bootstrap = Bootstrap(len(row.returns))
-    lead = row.returns - strongest.returns
-    over = Estimate.of(lead.mean(), bootstrap.means(lead[np.newaxis], row.policy))
-    mean = Estimate.of(row.returns.mean(), bootstrap.means(row.returns[np.newaxis], row.policy))
-    broken = "" if row.edges_broken is None else f"{row.edges_broken.mean():.2f}"
-    is_strongest = row.policy == strongest.policy
+
+    def mean_text(numbers: Floats) -> str:
+        """Return a mean over the jobs with its interval."""
+        replicates = bootstrap.means(numbers[np.newaxis], row.policy)
+        mean = Estimate.of(numbers.mean(), replicates)
+        return f"{mean.value:.0f} ({mean.low:.0f} to {mean.high:.0f})"
+
+    # The strongest rule is not compared with itself.
+    over_strongest = ""
+    median = ""
+    if row.policy != strongest.policy:
+        lead = row.returns - strongest.returns
+        over_strongest = mean_text(lead)
+        median = f"{np.median(lead):.0f}"
+    broken = ""
+    if row.edges_broken is not None:
+        broken = f"{row.edges_broken.mean():.2f}"
     return {
         "Policy": row.policy,
-        "Return [s]": f"{mean.value:.0f} ({mean.low:.0f} to {mean.high:.0f})",
-        "Over the strongest rule [s]": ""
-        if is_strongest
-        else f"{over.value:.0f} ({over.low:.0f} to {over.high:.0f})",
-        "Median [s]": "" if is_strongest else f"{np.median(lead):.0f}",
+        "Return [s]": mean_text(row.returns),
+        "Over the strongest rule [s]": over_strongest,
+        "Median [s]": median,
         "Edges broken per job": broken,
     }
 

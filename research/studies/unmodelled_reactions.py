@@ -20,6 +20,7 @@ from baselines.reactive import WINDOW_ALONE, Reactions, Reactive
 from baselines.self_tuning import RULES
 from leaderboard.family import KNOWN_FORMS, family_task, rule
 from leaderboard.table import markdown
+from research.studies.edge_probe import chunks_of_similar_length
 from research.studies.unmodelled_draw import Row, cells, given
 from turning_env import Family, Scenario
 from turning_env.console import described, exits, positive
@@ -95,10 +96,8 @@ def played(family: Family, split: str, jobs: Sequence[int], make: Maker) -> Epis
     """Return the episodes of a policy on jobs, in chunks of jobs that last about as long."""
     models = {number: family.job(number, split).scenario.nominal() for number in jobs}
     limits = [models[number].control.time_limit for number in jobs]
-    order = np.argsort(limits, kind="stable").tolist()
     episodes: Episodes = {name: np.empty(len(jobs)) for name in EPISODE_FIELDS}
-    for first in range(0, len(jobs), BATCH):
-        chunk = order[first : first + BATCH]
+    for chunk in chunks_of_similar_length(limits, BATCH):
         numbers = [jobs[place] for place in chunk]
         policy = make([models[number] for number in numbers])
         ended = play_family(family, split, numbers, make_policy=given(policy), context="hidden")
@@ -177,22 +176,30 @@ def random_sets() -> list[Reactions]:
 def searched() -> list[dict[str, str]]:
     """Return the sets of numbers with their leads over ``WINDOW_ALONE`` on training jobs."""
     family = Family.load(FAMILY)
-    sets = [WINDOW_ALONE, *[WINDOW_ALONE._replace(**changes) for changes in BY_HAND]]
+    # The first set is what the others are compared with.
+    sets = [WINDOW_ALONE]
+    for changes in BY_HAND:
+        sets.append(WINDOW_ALONE._replace(**changes))
     sets += random_sets()
     returns = []
     for reactions in sets:
         episodes = played(family, "train", range(SEARCH_JOBS), reacting(reactions))
         returns.append(episodes["return"])
-    means = [-values.mean() for values in returns[1:]]
-    kept = (1 + np.argsort(means)[:KEPT]).tolist()
+
+    # The best others play further jobs, and so does the first.
+    losses = [-values.mean() for values in returns[1:]]
+    kept = (1 + np.argsort(losses)[:KEPT]).tolist()
     further = range(SEARCH_JOBS, SEARCH_JOBS + FURTHER_JOBS)
-    for place in (0, *kept):
-        episodes = played(family, "train", further, reacting(sets[place]))
-        returns[place] = np.concatenate([returns[place], episodes["return"]])
+    for index in (0, *kept):
+        episodes = played(family, "train", further, reacting(sets[index]))
+        returns[index] = np.concatenate([returns[index], episodes["return"]])
+
     rows = []
     for reactions, values in zip(sets, returns, strict=True):
-        row = Row(numbers_of(reactions), values)
-        rows.append(cells(row, Row("", returns[0][: len(values)])) | {"Jobs": str(len(values))})
+        count = len(values)
+        of_first = Row("", returns[0][:count])
+        row_cells = cells(Row(numbers_of(reactions), values), of_first)
+        rows.append(row_cells | {"Jobs": str(count)})
     return rows
 
 

@@ -224,7 +224,7 @@ def job_of(question: Question) -> Job:
         values["workpiece"]["support"] = "chuck"
         assumptions += ("the chuck alone holds the bar: --support states another",)
     values["material"] = fitted.model_dump()
-    values["limits"] = _limits(machine, stated, fitted=fitted, insert=insert, window=window)
+    values["limits"] = _limits(machine, stated, fitted=fitted, window=window)
     if "economics.edges_per_insert" not in stated:
         values["economics"] = {"edges_per_insert": float(insert.edges)}
     name = f"{material.name}_{insert.name}_{grade.name}"
@@ -429,9 +429,7 @@ def _values(question: Question, insert: Insert, window: Window, depth: float) ->
     }
 
 
-def _limits(
-    machine: Scenario, stated: set[str], fitted: Any, insert: Insert, window: Window
-) -> dict[str, Any]:
+def _limits(machine: Scenario, stated: set[str], fitted: Any, window: Window) -> dict[str, Any]:
     """Return the limits of force and power: those of the machine, and the insert's strength.
 
     The insert bears the thrust of its highest feed and depth in this material, worn out.

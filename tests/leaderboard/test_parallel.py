@@ -32,18 +32,21 @@ def play(
     return contents(results)
 
 
-@pytest.fixture
-def chosen(tmp_path: Path) -> list[PolicySpec]:
+@pytest.fixture(scope="module")
+def chosen(tmp_path_factory: pytest.TempPathFactory) -> list[PolicySpec]:
     """A rule, an agent and a policy of a function."""
     rule = policies.one_named("fixed_handbook", TASK)
-    (agent,) = policies.agents([onnx_agents.write(tmp_path)], TASK)
+    file = onnx_agents.write(tmp_path_factory.mktemp("agents"))
+    (agent,) = policies.agents([file], TASK)
     return [rule, agent, spec("quick", (0.0, 1.0))]
 
 
-@pytest.fixture
-def expected(chosen: list[PolicySpec], tmp_path: Path) -> dict[str, bytes]:
+@pytest.fixture(scope="module")
+def expected(
+    chosen: list[PolicySpec], tmp_path_factory: pytest.TempPathFactory
+) -> dict[str, bytes]:
     """The files of a run in one process: three results, the trajectories and the manifest."""
-    files = play(chosen, tmp_path / "serial", None)
+    files = play(chosen, tmp_path_factory.mktemp("serial"), None)
     assert len(files) == 5
     return files
 

@@ -167,7 +167,7 @@ def test_headline_and_simulation_agree_everywhere(
         assert sentence in " ".join(drawn.split())
 
 
-def test_a_broken_edge_is_on_sheet_and_page(tmp_path: Path) -> None:
+def test_a_broken_edge_is_on_the_sheet() -> None:
     changes = {"edge_failure": {"collapse_temperature": 300.0}, "control": {"time_limit": 2.0}}
     scenario = Scenario.load({"tool": {"edge_strength": 1e6}} | changes)
     advice = advise(scenario, Evidence())
