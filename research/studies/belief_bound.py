@@ -313,6 +313,15 @@ def _feed_at_limit(log_load, law, speed):
 
 
 @compiled
+def _feed_at_limits(force, power, p, speed):
+    """Return the log feed at which a load first meets its limit, or the nearest one in range."""
+    at_force = _feed_at_limit(force, p.force_law, speed)
+    at_power = _feed_at_limit(power, p.power_law, speed)
+    feed = min(at_force, at_power)
+    return min(max(feed, np.log(p.feed_min[0])), np.log(p.feed_max[0]))
+
+
+@compiled
 def _expected_overload(force, power, belief):
     """Return the summed expected excess over both limits at log ratios of nominal loads to them.
 
@@ -402,7 +411,6 @@ def _best_return(  # noqa: PLR0913
     ``beliefs``: as from the function ``beliefs``, with the factor on the rate of wear in row 1.
     """
     p = parameters[0]
-    wear_law = p.wear_law
     force_law = p.force_law
     power_law = p.power_law
     low_feed = np.log(p.feed_min[0])
@@ -417,19 +425,24 @@ def _best_return(  # noqa: PLR0913
     values = np.zeros(lives + 1)
     next_values = np.zeros(lives + 1)
     # Backwards over the bars and their stretches; values[j] belongs to the used life (j / lives)^2,
-    # whose steps are short where an edge is fresh and wears fast.
+    # whose steps are short where an edge is fresh and wears fast. A worn-out edge earns nothing.
     for bar in range(lengths.shape[0] - 1, -1, -1):
         for i in range(lengths.shape[1] - 1, -1, -1):
             length = lengths[bar, i]
             belief = beliefs[:, bar, i]
-            depth = _mean_of_points(belief[DEPTH])
             rate = _mean_of_points(belief[WEAR_RATE])
             force_mean = _mean_of_points(belief[FORCE])
             power_mean = _mean_of_points(belief[POWER])
-            worth = length * 60.0 / p.revolutions_per_metre[0] / p.reference_removal_rate[0] * depth
+            worth = (
+                length
+                * 60.0
+                / p.revolutions_per_metre[0]
+                / p.reference_removal_rate[0]
+                * _mean_of_points(belief[DEPTH])
+            )
             for j in range(lives):
                 used = (j / lives) ** 2
-                log_wear = p.log_wear_criterion[0] + wear_law.time[0] * np.log(max(used, 1e-9))
+                log_wear = p.log_wear_criterion[0] + p.wear_law.time[0] * np.log(max(used, 1e-9))
                 force = _log_load(force_law, log_depth, log_wear, log_force_limit)
                 power = _log_load(power_law, log_depth, log_wear, log_power_limit)
                 expected_force = force + force_mean
@@ -437,11 +450,7 @@ def _best_return(  # noqa: PLR0913
                 _set_speeds(speeds, expected_force, expected_power, p, speed_steps)
                 best = -np.inf
                 for speed in speeds:
-                    kink = min(
-                        _feed_at_limit(expected_force, force_law, speed),
-                        _feed_at_limit(expected_power, power_law, speed),
-                    )
-                    kink = min(max(kink, low_feed), high_feed)
+                    kink = _feed_at_limits(expected_force, expected_power, p, speed)
                     for step in feed_steps:
                         feed = min(max(kink + step, low_feed), high_feed)
                         time = length * crossing * np.exp(-speed - feed)
@@ -456,15 +465,13 @@ def _best_return(  # noqa: PLR0913
                             - time * (1.0 + p.overload_price[0] * overload)
                             - p.edge_price[0] * using
                         )
-                        after = used + using
-                        if after >= 1.0:
+                        if used + using >= 1.0:
                             # The edge ends within the stretch: only this share of it counts.
                             gain *= (1.0 - used) / using
                         else:
-                            gain += between(next_values, np.sqrt(after) * lives)
+                            gain += between(next_values, np.sqrt(used + using) * lives)
                         best = max(best, gain)
                 values[j] = best
-            values[lives] = 0.0
             if i == 0:
                 values[:lives] -= air
             values, next_values = next_values, values
