@@ -4,6 +4,7 @@ import re
 import subprocess
 
 from tests.walking import ROOT
+from turning_env import ALL_IDS
 
 
 def test_help_lists_every_target() -> None:
@@ -19,3 +20,14 @@ def test_help_lists_every_target() -> None:
     )
     listed = {line.split(" ", 1)[0] for line in run.stdout.splitlines()}
     assert listed == set(phony[1].split())
+
+
+def test_results_are_played_on_every_id() -> None:
+    run = subprocess.run(
+        ["make", "--silent", "--eval=print: ; @echo $(ENVS)", "print"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert set(run.stdout.split()) == set(ALL_IDS), "ENVS of the Makefile must have every id"

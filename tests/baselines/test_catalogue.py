@@ -12,6 +12,8 @@ from baselines.fixed import FixedParameters
 from baselines.rule import Range, Rule
 from turning_env import Scenario
 
+CONTROLLERS = Path(__file__).parents[2] / "docs" / "controllers.md"
+
 TUNABLE = Rule(
     "made up",
     lambda scenario, num_envs, **parameters: FixedParameters(scenario, **parameters),
@@ -103,3 +105,10 @@ def test_a_rule_tuned_on_one_preset_plays_others_with_what_was_found_there(
     assert tunable not in tune.chosen_rules(None, Scenario())
     with pytest.raises(ValueError, match="nothing to tune on scenario 'rough_turning'"):
         tune.chosen_rules([tunable], Scenario())
+
+
+@pytest.mark.parametrize("name", RULES)
+def test_the_page_of_controllers_lists_every_rule(name: str) -> None:
+    # The page has one line for all rules of parts, and one for all rules with a cutting speed.
+    listed = "parts_pv" if name.startswith("parts_") else name.removesuffix("_with_speed")
+    assert f"`{listed}`" in CONTROLLERS.read_text("utf-8"), f"add {name} to {CONTROLLERS}"

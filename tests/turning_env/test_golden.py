@@ -25,6 +25,7 @@ ADVICE = (
     f"the model has changed: raise MODEL_VERSION ({MODEL_VERSION}) in "
     f"turning_env/physics/__init__.py, and {__doc__}"
 )
+RECORD = "record it with python -m tests.turning_env.test_golden, which writes the files again"
 
 RIPPLE = {"depth_ripple": 0.1, "depth_profile": [1.5, 3.0]}
 SKIN = {
@@ -110,13 +111,17 @@ def short_trajectory(name: str) -> dict[str, Any]:
 
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_short_trajectory_is_as_released(name):
-    golden = json.loads(SHORT.read_text("utf-8"))[name]
+    released = json.loads(SHORT.read_text("utf-8"))
+    assert name in released, f"{name} has no golden trajectory: {RECORD}"
+    golden = released[name]
     assert_same(short_trajectory(name), golden)
 
 
 @pytest.mark.parametrize("env_id", ALL_IDS)
 def test_trajectory_is_as_released(env_id):
-    golden = json.loads((FOLDER / f"{env_id}.json").read_text("utf-8"))
+    path = FOLDER / f"{env_id}.json"
+    assert path.exists(), f"{env_id} has no golden trajectory: {RECORD}"
+    golden = json.loads(path.read_text("utf-8"))
     assert golden.pop("id") == env_id
     assert golden.pop("seed") == SEED
     del golden["scenario"]

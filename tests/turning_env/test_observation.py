@@ -1,11 +1,49 @@
 """Observations, and readings recovered from them."""
 
+from contextlib import suppress
+from functools import cache
+
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from tests.turning_env.playing import NO_SPREAD, changed, fixed_actions, play
-from turning_env import RoughTurningEnv, Scenario, read
-from turning_env.physics.quantities import OBS, layout
+from turning_env import IDS, Family, RoughTurningEnv, RoughTurningVectorEnv, Scenario, read
+from turning_env.physics.quantities import OBS, OBSERVATION, Entry, layout
+from turning_env.scenario.family import families
+from turning_env.scenario.sections import Sensors
+
+
+@cache
+def scenarios() -> list[Scenario]:
+    """Return scenarios that together have every entry.
+
+    They are those of ids and families, and the default one with each further sensor.
+    """
+    loaded = [Scenario.load(preset) for preset in IDS.values()]
+    loaded += [Family.load(name).job(0).scenario for name in families()]
+    loaded.append(changed(Scenario(), spindle={"short_time_load": 1.5}))
+    for name, field in Sensors.model_fields.items():
+        if field.annotation is bool:
+            with suppress(ValidationError):  # a probe needs parts
+                loaded.append(changed(Scenario(), sensors={name: True}))
+    return loaded
+
+
+@pytest.mark.parametrize("entry", OBSERVATION, ids=lambda entry: entry.name)
+def test_every_entry_of_the_table_is_written(entry: Entry) -> None:
+    having = [scenario for scenario in scenarios() if entry.present(scenario)]
+    assert having, f"no scenario has {entry.name}: add one to scenarios()"
+    scenario = having[0]
+    env = RoughTurningVectorEnv(4, scenario)
+    env.reset(seed=5)
+    env.action_space.seed(5)
+    place = layout(scenario).index(entry.name)
+    values = set()
+    for _ in range(300):
+        observations, *_ = env.step(env.action_space.sample())
+        values.update(observations[:, place].tolist())
+    assert len(values) > 1, f"nothing writes OBS.{entry.name}: see turning_env/observation.py"
 
 
 def test_reading_turns_observations_back_into_physical_units():

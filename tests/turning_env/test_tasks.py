@@ -232,5 +232,5 @@ def test_the_largest_excess_over_a_further_limit_is_charged_as_that_of_the_force
 def test_help_lists_every_id_and_no_method() -> None:
     text = pydoc.plain(pydoc.render_doc(tasks))
     for env_id in (*IDS, FAMILY_ID):
-        assert env_id in text
+        assert env_id in text, f"name {env_id} in the docstring of turning_env/tasks.py"
     assert "reset(" not in text

@@ -281,6 +281,7 @@ def test_more_validation_seeds_than_have_been_played_are_compared_with_nothing()
 def test_results_on_validation_seeds_are_of_the_present_versions(board: Board) -> None:
     board_name = board.file_name.removesuffix(".json.xz")
     results = shipped_validation(board_name, VALIDATION_SEEDS)
+    assert results, f"play {board_name}: python -m leaderboard pack --validation"
     for result in results:
         assert result.returns.shape == (1, VALIDATION_SEEDS)
     task = task_of(board, seeds=2)
