@@ -162,6 +162,10 @@ def _typed(name: str, value: Any, example: Any) -> Any:
     if type(example) is int and type(value) is float and value.is_integer():
         value = int(value)  # 1e6 is a float of TOML
     is_right = type(value) is type(example)
+    if isinstance(example, bool):
+        if not is_right:
+            raise ValueError(f"{name} is {value!r}, but must be true or false")
+        return value
     is_number = isinstance(example, int | float)
     if is_right and is_number:
         is_right = math.isfinite(value) and (value >= 0 or example < 0)

@@ -58,6 +58,11 @@ class Terms:
                 "position and life_price other than flat are computed for one scenario, "
                 "not for a family's jobs"
             )
+        if self.hides_context and not self.context:
+            raise ValueError(
+                "hides_context hides the numbers of a family's nominal models, but "
+                f"{self.scenario.name} is no family"
+            )
         if not 1 <= self.frames <= MAX_FRAMES:
             raise ValueError(f"frames is {self.frames}, but must be 1 to {MAX_FRAMES}")
 

@@ -50,6 +50,11 @@ def test_a_count_may_be_written_as_a_power_of_ten() -> None:
         overrides("ppo", ["total_timesteps=1.5"])
 
 
+def test_a_switch_is_true_or_false() -> None:
+    with pytest.raises(ValueError, match="belief is 'maybe', but must be true or false"):
+        overrides("ppo", ["belief=maybe"])
+
+
 def test_commands_on_cards_are_understood() -> None:
     assert overrides("ppo", ["discount=0.9", "hidden_layers=[8]"]) == {
         "gamma": 0.9,

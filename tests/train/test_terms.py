@@ -67,9 +67,10 @@ def test_training_rewards_charge_whole_edges_alike(life_price: str) -> None:
         (ppo.ALGORITHM, {"life_price": "margin"}, "must be one of flat, marginal, end"),
         (ppo.ALGORITHM, {"frames": 0}, "frames is 0, but must be 1 to 100"),
         (ppo.ALGORITHM, {"num_envs": 0}, "num_envs is 0"),
+        (ppo.ALGORITHM, {"hides_context": True}, "is no family"),
         (analytic_gradient.ALGORITHM, {"life_price": "end"}, "must be marginal or flat"),
     ],
-    ids=["life_price", "frames", "num_envs", "life_price of a teacher"],
+    ids=["life_price", "frames", "num_envs", "no context", "life_price of a teacher"],
 )
 def test_hyperparameters_that_no_model_can_have_are_named(
     algorithm: Algorithm, wrong: dict[str, Any], message: str, tmp_path: Path

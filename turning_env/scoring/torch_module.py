@@ -2,7 +2,8 @@
 
 A module takes observations (n, entries) and returns actions (n, actions). If it has an attribute
 ``memory_size`` above 0, it also takes a memory (n, memory_size), which is 0 before an episode's
-first observation, and returns a tuple of the actions and the next memory.
+first observation, and returns a tuple of the actions and the next memory. A module plays in
+evaluation mode.
 ``train.export.export_torch`` writes the same modules as files.
 """
 
