@@ -189,10 +189,10 @@ def test_a_process_ends_with_its_policy() -> None:
 LIES = {
     "silence": ("", "its process has ended"),
     "too much": ("send(b'K', 10**9)", "its process has ended"),
-    "another kind": ("send(b'Z', 0)", "gives an answer to nothing that was asked"),
+    "another kind": ("send(b'Z', 0)", "sends an answer of the wrong kind or length"),
     "no outline": (
         "send(b'K', 3); wire.sendall(b'{}x')",
-        "tells nothing of itself that can be understood",
+        "describes itself in a form that cannot be read",
     ),
     "another outline": (
         'send(b\'K\', 47); wire.sendall(b\'{"properties": {}, "inputs": {}, "outputs": {}}  \')',

@@ -115,7 +115,7 @@ class Sandbox:
             self.answer(0)
         except ValidationError as error:
             self.close()
-            raise AgentFileError("tells nothing of itself that can be understood") from error
+            raise AgentFileError("describes itself in a form that cannot be read") from error
         except BaseException:
             self.close()
             raise
@@ -172,7 +172,7 @@ class Sandbox:
             raise AgentFileError(
                 "".join(character if character.isprintable() else "?" for character in text)
             )
-        raise AgentFileError("gives an answer to nothing that was asked")
+        raise AgentFileError("sends an answer of the wrong kind or length")
 
     def _receive(self, max_bytes: int, starting: bool) -> tuple[bytes, bytes]:
         timeout = self._limits.start if starting else self._limits.answer
