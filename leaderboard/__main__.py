@@ -321,14 +321,15 @@ def _task_run(
         refused=refused,
         forgets=options.forgets,
     )
-    own_policies = []
+    code_policies = []
     if options.policy:
-        own = policies.own_policy(options.policy, task, options.name)
-        if own.label in {agent.label for agent in agents}:
+        policy = policies.policy_of_code(options.policy, task, options.name)
+        if policy.label in {agent.label for agent in agents}:
             raise ResultError(
-                f"{options.policy} and an agent's file are both called {own.label}: rename the file"
+                f"{options.policy} and an agent's file are both called {policy.label}: "
+                "rename the file"
             )
-        own_policies.append(own)
+        code_policies.append(policy)
     controllers = policies.named(
         options.policies,
         task,
@@ -337,7 +338,7 @@ def _task_run(
         knows=options.knows,
         forgets=options.forgets,
     )
-    chosen: list[PolicySpec] = [*controllers, *agents, *own_policies]
+    chosen: list[PolicySpec] = [*controllers, *agents, *code_policies]
     if not chosen:
         advice = "name a policy that is tuned for the scenario, or give an agent"
         nothing = ResultError(f"nothing to play: {advice}")

@@ -70,7 +70,7 @@ def shipped_agents() -> dict[str, str]:
     }
 
 
-def is_own(policy: PolicySpec) -> bool:
+def is_external(policy: PolicySpec) -> bool:
     """Return whether a policy is an agent or code that does not come with the project."""
     return policy.kind == "agent" and policy.sha256 not in shipped_agents()
 
@@ -212,9 +212,17 @@ def one_named(
     knows: Knowledge = "nominal",
     forgets: bool = False,
 ) -> PolicySpec:
-    """Return a controller or an oracle; see ``named``.
+    """Return the controller or the oracle of a name.
 
-    Raise ResultError if it cannot play. Its cause is ``NotTuned`` if it is not tuned.
+    Args:
+        name: its name.
+        task: the task that it plays.
+        tuned_on: the scenario that a controller is tuned for; None: the task's.
+        knows: see ``PolicySpec``; of families only.
+        forgets: see ``PolicySpec``; of families only.
+
+    Raises:
+        ResultError: it cannot play. The cause is ``NotTuned`` if it is not tuned.
     """
     try:
         if task.of_family:
@@ -267,7 +275,7 @@ def agents(
             continue
         try:
             spec = fitted(agent(path, seconds), task, forgets)
-            policy = _under_own_name(spec, path, given=name, keep=keep)
+            policy = _under_ranked_name(spec, path, given=name, keep=keep)
             loaded.append(Submission(path=path, policy=policy))
         except ModuleNotFoundError:
             raise  # a package is not installed, which is the fault of no agent
@@ -280,8 +288,10 @@ def agents(
     return _distinct(loaded, name, refused)
 
 
-def _under_own_name(spec: PolicySpec, path: Path, given: str | None, keep: bool) -> PolicySpec:
+def _under_ranked_name(spec: PolicySpec, path: Path, given: str | None, keep: bool) -> PolicySpec:
     """Return an agent under its name on the leaderboard.
+
+    One that comes with the project keeps its name.
 
     Args:
         spec: the agent.
@@ -292,7 +302,7 @@ def _under_own_name(spec: PolicySpec, path: Path, given: str | None, keep: bool)
     Raises:
         ValueError: it cannot have this name.
     """
-    if not is_own(spec):
+    if not is_external(spec):
         return spec
     if (path / RUN_FILE).exists():  # a training of one's own, which has named itself
         name = spec.name
@@ -302,7 +312,7 @@ def _under_own_name(spec: PolicySpec, path: Path, given: str | None, keep: bool)
         name = file.name
         seed = file.seed
     if not keep:
-        name = _own_name(path, name, given)
+        name = _free_name(path, name, given)
     elif given:
         name = given
     return renamed(spec, name, seed)
@@ -320,12 +330,12 @@ def _distinct(
     by_label: dict[str, Submission] = {}
     for submission in loaded:
         try:
-            if submission.policy.name in clashing and is_own(submission.policy):
+            if submission.policy.name in clashing and is_external(submission.policy):
                 submission = with_folder(submission)
             policy = submission.policy
             first = by_label.setdefault(policy.label, submission)
             # The same file of the project may be given twice.
-            is_other = is_own(policy) or first.policy.sha256 != policy.sha256
+            is_other = is_external(policy) or first.policy.sha256 != policy.sha256
             if first is not submission and is_other:
                 raise ValueError(
                     f"{printable(str(first.path))} is {policy.label} too: rename one, or play each "
@@ -405,7 +415,7 @@ def fitted(spec: PolicySpec, task: Task, forgets: bool = False) -> PolicySpec:
     return spec.model_copy(update={"make": informed(spec, task.scenario)})
 
 
-def own_policy(source: str, task: Task, name: str | None = None) -> PolicySpec:
+def policy_of_code(source: str, task: Task, name: str | None = None) -> PolicySpec:
     """Return a policy of one's own code, ``module:object``.
 
     See ``turning_env.scoring.adapt.as_factory``. It ranks among the agents, without a digest, as
@@ -422,7 +432,7 @@ def own_policy(source: str, task: Task, name: str | None = None) -> PolicySpec:
     try:
         as_factory(source, space=space)  # refuses now what could not be played later
         spec = PolicySpec(
-            name=_own_name(source, re.split("[:.]", source)[-1], name),
+            name=_free_name(source, re.split("[:.]", source)[-1], name),
             kind="agent",
             description="a policy of your own",
             training_seed=0,  # every agent has one; that of this code is unknown
@@ -435,22 +445,27 @@ def own_policy(source: str, task: Task, name: str | None = None) -> PolicySpec:
         raise ResultError(f"{source} cannot play: {error}") from error
 
 
-def _own_name(source: object, name: str, given: str | None) -> str:
-    """Return the name of one's own policy, which differs from those of the project.
+def _free_name(source: object, name: str, given: str | None) -> str:
+    """Return a name for a policy of the user's that no policy of the project has.
 
-    It is the given name. Without one it is the policy's ``name``, after ``my_`` if a policy of the
-    project has it.
+    Args:
+        source: the policy's file or code, for messages.
+        name: its name, which gets the prefix ``my_`` if a policy of the project has it.
+        given: the name that the user gives; None: ``name``.
+
+    Raises:
+        ResultError: a policy of the project has the given name.
     """
-    taken = {*shipped_agents().values(), *catalogue.RULES}
-    taken |= {CLAIRVOYANT, CAUSAL, NOMINAL_OPTIMUM, NOMINAL_SHARE, family.KNOWN_FORMS}
-    own_name = given or (f"my_{name}" if name in taken else name)
-    if own_name in taken:
+    project_names = {*shipped_agents().values(), *catalogue.RULES}
+    project_names |= {CLAIRVOYANT, CAUSAL, NOMINAL_OPTIMUM, NOMINAL_SHARE, family.KNOWN_FORMS}
+    free_name = given or (f"my_{name}" if name in project_names else name)
+    if free_name in project_names:
         raise ResultError(
-            f"{source} cannot be called {own_name}, as another policy is: choose another --name"
+            f"{source} cannot be called {free_name}, as another policy is: choose another --name"
         )
-    if given is None and own_name != name:
+    if given is None and free_name != name:
         notify_once(
-            f"{source} plays as {own_name}, as {name} comes with the project; --name gives it "
+            f"{source} plays as {free_name}, as {name} comes with the project; --name gives it "
             "another name"
         )
-    return own_name
+    return free_name

@@ -347,9 +347,11 @@ def result_path(folder: Path, policy: PolicySpec) -> Path:
 
 
 def read_file(path: Path) -> list[Result]:
-    """Read a file of results.
+    """Return the results in a file: those of a task, or that of one policy.
 
-    Raise ResultError unless folders, and a policy's own file, have the names of its content.
+    Raises:
+        ResultError: the file cannot be read, or its path is not that of its content: folders are
+            named after id and scenario, the file of one policy after the policy.
     """
     file = read_part(ResultFile, path)
     folder = result_folder(Path(), file.task.env_id, file.task.scenario.name)

@@ -125,17 +125,17 @@ def play_all(
 ) -> None:
     """Have all policies of all runs play, and write each result as it is finished.
 
-    Results in a run's folder of the same task and policy stand, unless ``fresh``; those of own code
-    do not. Then the trajectories of the policies on the first seeds of each run are recorded, and
-    the folder's manifest is written.
+    A policy that has a result on the task in the run's folder does not play again, unless ``fresh``
+    or if the policy is the user's code, which may have changed. Then the trajectories of the
+    policies on the first seeds of each run are recorded, and the folder's manifest is written.
 
     Args:
         runs: policies and their tasks.
         fresh: whether to play again if a result exists.
         over: processes or a cluster, each playing one policy on one task at a time; None: this
             process. Results are the same.
-        replace: whether the result of another file, or of other code, of the same name makes way.
-            If not, it stands, and the policy is refused.
+        replace: whether a policy may replace a result of the same name that another file, or other
+            code, has. If not, the policy is refused.
 
     Raises:
         PoliciesFailedError: some policies cannot play, or are refused; the message says which and
@@ -265,9 +265,11 @@ def _admitted(run: TaskRun, replace_others: bool) -> tuple[TaskRun, list[ResultE
 
 
 def _finished(run: TaskRun) -> set[str]:
-    """Return the labels of the results that stand.
+    """Return the labels of the run's policies that need not play: their results are up to date.
 
-    Raise OSError if the folder cannot be written to.
+    Raises:
+        OSError: the folder cannot be written to, so a result could not be stored.
+        ResultError: the folder holds public results and the seeds are private, or the reverse.
     """
     with folder_lock(run.folder, wait=True):
         write_whole(run.folder / "writable", "")

@@ -14,7 +14,7 @@ import numpy as np
 
 from baselines.catalogue import RULES
 from leaderboard.information import Information, class_of, information
-from leaderboard.policies import is_own
+from leaderboard.policies import is_external
 from leaderboard.result import ExcessShares, Result
 from train.agents.agent_file import description_of_training
 from train.run import TERMS, current_names
@@ -54,7 +54,7 @@ class Standing:
     policy_class: str  # one of leaderboard.information.CLASSES
     information: Information | None  # of an agent
     description: str
-    own: bool  # an agent that does not come with the project
+    own: bool  # an agent or code that does not come with the project; ``show --json`` has the name
     training_seeds: tuple[int, ...]
     unranked: str | None  # why it has no rank; None if it has one
     feasible: bool
@@ -191,7 +191,7 @@ def names_of(policies: Sequence[PolicySpec]) -> dict[str, str]:
     The names of the others end in their training seeds.
     """
     trainings_by_title: dict[str, dict[str, list[PolicySpec]]] = {}
-    for policy in sorted(policies, key=is_own):
+    for policy in sorted(policies, key=is_external):
         trainings = trainings_by_title.setdefault(policy.title, {})
         trainings.setdefault(_training_digest(policy), []).append(policy)
 
@@ -217,7 +217,7 @@ def _training_digest(policy: PolicySpec) -> str:
     inputs = training_information(policy.parameters, policy.command)
     parameters["training_information"] = sorted(inputs or ())
     kind_and_scenario = policy.model_dump(include={"kind", "tuned_for"})
-    return digest_of([is_own(policy), kind_and_scenario, parameters])
+    return digest_of([is_external(policy), kind_and_scenario, parameters])
 
 
 def _description(policy: PolicySpec) -> str:
@@ -227,7 +227,7 @@ def _description(policy: PolicySpec) -> str:
     """
     if policy.name in RULES:
         return RULES[policy.name].description
-    if policy.kind == "agent" and not is_own(policy) and policy.tuned_for is not None:
+    if policy.kind == "agent" and not is_external(policy) and policy.tuned_for is not None:
         steps = current_names(policy.parameters).get("total_timesteps")
         return description_of_training(policy.parameters, steps, policy.tuned_for.name)
     return policy.description
@@ -379,7 +379,7 @@ class _Comparison:
             policy_class=class_of(policy),
             information=information(policy, policy.trained_on or self.scenario),
             description=_description(policy),
-            own=is_own(policy),
+            own=is_external(policy),
             training_seeds=tuple(seeds) if policy.kind == "agent" else (),
             unranked=reason_not_to_rank(policy.kind, self.scenario),
             feasible=played.feasibility == "feasible",

@@ -188,7 +188,10 @@ def markdown(rows: Sequence[Mapping[str, str]]) -> str:
 
 
 def agent_places(leaderboard: Leaderboard, labels: Collection[str]) -> list[str]:
-    """Return two lines on each agent with one of these labels, one's own last."""
+    """Return two lines on each agent with one of these labels: its place and its merit.
+
+    Agents that come with the project are first.
+    """
     names = leaderboard.names
     wanted = {names.get(label) for label in labels}
     standings = [
@@ -313,10 +316,11 @@ class Across:
 
 
 def across(leaderboards: Sequence[Leaderboard]) -> Across | None:
-    """Return the table over the first leaderboard that others are splits of, and these.
+    """Return the full costs of policies on a scenario and on its splits; None if there are none.
 
-    Return None if there is none. A policy counts on a split if it was tuned for the first
-    leaderboard's scenario; oracles count as well.
+    The scenario is that of the first leaderboard which is no split, and for which policies on
+    splits were tuned. A policy counts on a split if it was tuned for this scenario; oracles count
+    as well.
     """
     splits = {}
     tuned_for = []
@@ -339,7 +343,7 @@ def across(leaderboards: Sequence[Leaderboard]) -> Across | None:
 
 
 def _across(base: Leaderboard, splits: Sequence[Leaderboard]) -> Across:
-    """Return the table over a leaderboard and its splits."""
+    """Return the full costs on a leaderboard's scenario and its splits; see ``across``."""
     home = ScenarioId.of(base.task.scenario)
     rows = {
         standing.name: {home.name: _split_cost(standing)}
