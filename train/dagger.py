@@ -111,21 +111,25 @@ class TaughtVecEnv(RoughTurningVecEnv):
         observations = super().reset()
         self._teacher = Teacher([self._nominal(index) for index in range(self.num_envs)])
         self._teacher.reset(np.ones(self.num_envs, np.bool_))
-        return self._seen(observations)
+        return self._with_belief(observations)
 
     def step_wait(self) -> Any:
         observations, rewards, ended, infos = super().step_wait()
         if ended.any():
             ended_envs = np.flatnonzero(ended).tolist()
             self._teacher.begin({index: self._nominal(index) for index in ended_envs})
-        return self._seen(observations), rewards, ended, infos
+        return self._with_belief(observations), rewards, ended, infos
 
     def labels(self) -> Actions:
         """Return the teacher's actions for the last observations."""
         # Without the numbers of nominal models, which it knows.
         return self._teacher.act(self._observations[:, : self._teacher.belief.entries])
 
-    def _seen(self, observations: Observations) -> Observations:
+    def _with_belief(self, observations: Observations) -> Observations:
+        """Keep observations for ``labels``, and return them with the teacher's belief behind them.
+
+        The shape is (num_envs, entries).
+        """
         self._observations = observations
         return np.concatenate([observations, self._teacher.belief.observe(observations)], axis=1)
 
@@ -339,6 +343,7 @@ class Dagger(BaseAlgorithm):
         """Play ``n_steps`` in each environment and add the labelled ones to the dataset."""
         # So small a network is quicker on the processor that has the environments.
         self.player = deepcopy(self.policy.average).cpu()
+        # The teacher acts in all environments at first, later in the first few of them.
         teaching_steps = self.plan.teacher_steps * self.n_envs
         teaches = np.arange(self.n_envs) < self.plan.teacher_share * self.n_envs
         for step in range(self.plan.n_steps):
@@ -353,7 +358,8 @@ class Dagger(BaseAlgorithm):
                 actions = labels
             else:
                 actions = self.act(observations)
-                actions[teaches] = labels[teaches] if teaches.any() else 0.0
+                if teaches.any():
+                    actions[teaches] = labels[teaches]
             self._last_obs, _, _, infos = self.env.step(actions)
             self._update_info_buffer(infos)
             self.num_timesteps += self.n_envs
@@ -406,8 +412,8 @@ def new_model(run: Run, vec_env: VecEnv) -> Dagger:
         ),
         dataset=str(run.folder / DATASET),
         max_samples=rounds * labels_per_round,
-        plan=taken(Plan, p),
-        costs=taken(ErrorCosts, p),
+        plan=from_hyperparameters(Plan, p),
+        costs=from_hyperparameters(ErrorCosts, p),
         policy_kwargs={
             "net_arch": p["net_arch"],
             "activation_fn": ACTIVATIONS[p["activation_fn"]],
@@ -418,8 +424,11 @@ def new_model(run: Run, vec_env: VecEnv) -> Dagger:
     )
 
 
-def taken(record: type[Any], parameters: dict[str, Any]) -> Any:
-    """Return a record with the hyperparameters of its fields' names."""
+def from_hyperparameters(record: type[Any], parameters: dict[str, Any]) -> Any:
+    """Return a ``record``, such as ``Plan``, whose fields are the hyperparameters of their names.
+
+    ``parameters`` may hold others, too, which are left out.
+    """
     return record(**{field.name: parameters[field.name] for field in fields(record)})
 
 

@@ -35,7 +35,7 @@ from baselines.belief import VectorBeliefObservation
 from train.actor import Actor, ActorPolicy
 from train.agents import agent_file
 from train.agents.agent_file import FORMAT, NAME, ONNX_SUFFIX, AgentFile, Metadata, Space
-from train.agents.network import tried
+from train.agents.network import session_after_trial
 from train.agents.to_onnx import ModuleActor, adopted, sb3_actor, to_onnx
 from train.run import ALGORITHMS, Run, family_of, trained_on
 from train.training import load_actor, stating_information
@@ -118,7 +118,7 @@ class _Agent:
 
     def _differences(self, file: AgentFile) -> Differences:
         """Try the file, and compare it with the agent; a network in ONNX is the file itself."""
-        session = tried(
+        session = session_after_trial(
             file.content,
             entries=len(file.metadata.observation_space.low),
             actions=len(file.metadata.action_space.low),
@@ -392,9 +392,15 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _agent(path: Path, elsewhere: Run, parsed: argparse.Namespace) -> _Agent:
-    """Return the agent of a path.
+    """Return the agent of a run's folder or of a file.
 
-    ``elsewhere`` is a run that stands for the training of files that do not state theirs.
+    Args:
+        path: a run's folder, or a .zip or .onnx file.
+        elsewhere: description of the training of a file, which does not state it.
+        parsed: the command line's options.
+
+    Raises:
+        ValueError: the path holds no agent, or options are given that do not apply to it.
     """
     if path.suffix in (".zip", ONNX_SUFFIX) and path.is_file():
         return _of_file(

@@ -194,11 +194,12 @@ class ModelGain:
     """
 
     def __init__(self, scenario: Scenario, prices: Worth | None = None) -> None:
-        """Take the numbers of a scenario.
+        """Store a scenario's numbers as tensors.
 
         Args:
             scenario: the true scenario.
-            prices: prices of life at evenly spaced used lives up to 1; None: the scenario's.
+            prices: price of a second [s], and prices of an edge's life [s] at evenly spaced used
+                lives up to 1; None: the scenario's.
         """
         material = scenario.material
         limits = scenario.limits
@@ -213,7 +214,8 @@ class ModelGain:
         self._wear = _Law(material.wear, math.log(tool.wear_criterion))
         self._log_criterion = _tensor(np.log(tool.wear_criterion))
         self._life_exponent = _tensor(material.wear.time)
-        # Idle power over the limit, per cutting speed [min/m]: torque times revolutions.
+        # Idle power over the limit, per cutting speed [min/m]. The power is torque times angular
+        # velocity: M V / (30 D) [kW] with M [N m], V [m/min] and D [mm].
         idle = scenario.spindle.idle_torque / (30.0 * scenario.workpiece.diameter * limits.power)
         self._idle = _tensor(idle)
         self._base_speed = _tensor(max(scenario.base_cutting_speed, MIN_POSITIVE))
@@ -227,7 +229,7 @@ class ModelGain:
 
         if prices is None:
             prices = prices_of(scenario)
-        self._time_price = _tensor(prices.time)
+        self._time_price = _tensor(prices.time)  # of a second [s]
         # Prices [s] at used lives from 0 on: before the first one given, the price is constant.
         self._life_prices = _tensor(np.concatenate([prices.life[:1], prices.life]))
         self._overload_price = economics.overload_price
@@ -236,6 +238,7 @@ class ModelGain:
 
         swarf = scenario.swarf
         self._chips_tangle = swarf.tangle_rate > 0.0
+        # Cost of stops for tangled chips per time outside the window [-].
         self._tangle_cost = _tensor(swarf.tangle_rate * swarf.tangle_time * prices.time)
         log_feeds = [np.log(max(feed, MIN_POSITIVE)) for feed in scenario.feed_range]
         self._log_feed_range = [_tensor(log_feed) for log_feed in log_feeds]

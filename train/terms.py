@@ -75,12 +75,13 @@ class Terms:
         values = {name: run.parameters.get(name, default) for name, default in TERMS.items()}
         return cls(run.scenario, entries, context, **values)
 
-    def charged(
+    def with_life_price(
         self, vec_env: Callable[..., RoughTurningVecEnv]
     ) -> Callable[..., RoughTurningVecEnv]:
-        """Return the function that makes training environments.
+        """Return the function that makes training environments with the price of edge life.
 
-        An algorithm with environments of its own charges edge life itself.
+        ``vec_env`` is the algorithm's. If it is no plain ``RoughTurningVecEnv``, it charges edge
+        life itself and is returned as it is.
         """
         if self.life_price == "flat" or vec_env is not RoughTurningVecEnv:
             return vec_env
@@ -100,23 +101,23 @@ class Terms:
             hidden=hidden,
         )
 
-    def shown(self, env: Any) -> Any:
-        """Return vector environments that return the agent's inputs.
+    def wrapped(self, envs: Any) -> Any:
+        """Return vector environments whose observations are the inputs of training.
 
-        Those that an asymmetric critic alone sees follow them.
+        The inputs of the agent come first, those that an asymmetric critic alone sees follow.
         """
         # The belief is made of whole observations, so it comes first; the hidden state is not the
         # agent's, so it comes last.
         if self.belief:
-            env = VectorBeliefObservation(env)
+            envs = VectorBeliefObservation(envs)
         inputs = self._inputs
         if inputs is not None:
-            env = AgentInputsWrapper(env, inputs)
+            envs = AgentInputsWrapper(envs, inputs)
         if self.asymmetric:
-            env = HiddenStateWrapper(env, self.scenario)
-        return env
+            envs = HiddenStateWrapper(envs, self.scenario)
+        return envs
 
     def actor(self, actor: Actor) -> Actor:
-        """Return the actor on observations for one on the inputs of ``shown``."""
+        """Return the actor on observations for one on the inputs of ``wrapped``."""
         inputs = self._inputs
         return actor if inputs is None else WithInputs(actor, inputs)

@@ -260,9 +260,9 @@ def new_model(run: Run, algorithm: Algorithm) -> Any:
 def _model_and_environments(run: Run, algorithm: Algorithm) -> tuple[Any, RoughTurningVecEnv]:
     p = run.parameters
     terms = Terms.of(run)
-    make_vec_env = terms.charged(algorithm.vec_env)
+    make_vec_env = terms.with_life_price(algorithm.vec_env)
     vec_env = make_vec_env(
-        run.family or run.scenario, p["num_envs"], p["reward_scale"], terms.shown
+        run.family or run.scenario, p["num_envs"], p["reward_scale"], terms.wrapped
     )
     model: Any = algorithm.new_model(run, vec_env)
     # The last layer starts near 0, so its bias is the mean of the first actions.

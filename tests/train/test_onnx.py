@@ -12,7 +12,7 @@ from onnx import helper, numpy_helper
 from tests.train import onnx_agents
 from train.actor import ActorPolicy
 from train.agents import agent_file, onnx_policy
-from train.agents.network import tried
+from train.agents.network import session_after_trial
 from turning_env import Scenario
 from turning_env.scoring.onnx_session import OnnxPolicy, session_of
 from turning_env.scoring.sandbox import AgentFileError
@@ -179,7 +179,7 @@ REFUSED: dict[str, tuple[Change, str]] = {
 
 def here(path: Path) -> None:
     file = agent_file.read(path)
-    tried(file.content, 11, 2, file.memory_size)
+    session_after_trial(file.content, 11, 2, file.memory_size)
 
 
 SANDBOXED = (

@@ -94,7 +94,7 @@ def _assert_acts_as(run: Run, algorithm: Algorithm, model: Any) -> None:
     network = ActorPolicy(algorithm.network(model.policy), NUM_ENVS)
     plain = RoughTurningVecEnv(SCENARIO, NUM_ENVS)
     plain.seed(7)
-    shown = RoughTurningVecEnv(SCENARIO, NUM_ENVS, wrapper=Terms.of(run).shown)
+    shown = RoughTurningVecEnv(SCENARIO, NUM_ENVS, wrapper=Terms.of(run).wrapped)
     shown.seed(7)
     observations = plain.reset()
     seen = shown.reset()

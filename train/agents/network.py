@@ -174,8 +174,14 @@ def _check_size(name: str, axes: Any) -> None:
         raise ValueError(f"value {name!r} has more than {MAX_ENTRIES} entries per environment")
 
 
-def tried(content: bytes, entries: int, actions: int, memory_size: int) -> Any:
-    """Return the session of a file's content, after a trial.
+def session_after_trial(content: bytes, entries: int, actions: int, memory_size: int) -> Any:
+    """Return the session of a file's content, after a trial on zeros and on random observations.
+
+    Args:
+        content: the file's bytes.
+        entries: entries of an observation.
+        actions: numbers of an action.
+        memory_size: entries of the memory.
 
     Raises:
         ValueError: the trial gives no actions, or none that are reproducible.

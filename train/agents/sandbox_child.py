@@ -34,7 +34,7 @@ class CheckedNetwork:
         del self._model
         self._generator = np.random.default_rng()
         outline = self._outline
-        return network.tried(
+        return network.session_after_trial(
             self._content,
             entries=outline.inputs["observation"],
             actions=outline.outputs["action"],

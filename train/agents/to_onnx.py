@@ -24,7 +24,7 @@ from onnx import compose, helper, inliner
 from train.actor import Actor
 from train.agents import agent_file
 from train.agents.agent_file import Metadata, seen_space
-from train.agents.network import tried
+from train.agents.network import session_after_trial
 from train.recurrent_ppo import RecurrentActor
 from train.run import Run, warn_of_pickle
 from turning_env.batch.driver import action_space
@@ -158,7 +158,7 @@ def adopted(path: Path, metadata: Metadata) -> bytes:
     content = with_properties(model, metadata)
     memory_size = agent_file.checked(content).memory_size
     try:
-        tried(
+        session_after_trial(
             content,
             entries=ports[0].input_size,
             actions=ports[0].output_size,
