@@ -79,7 +79,8 @@ def checked_seed(seed: Any, env_index: int) -> int:
 def write_out(state, scratch, p, first, last, start, observations, table):
     """Copy observations and reports of some environments of a block into the arrays of all.
 
-    The block begins at environment ``start``.
+    The block begins at environment ``start``. ``observations`` has shape (num_envs, entries),
+    ``table``, with a row for each quantity of the report, shape (rows, num_envs).
     """
     work = scratch.work
     report = scratch.report

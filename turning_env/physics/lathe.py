@@ -84,7 +84,7 @@ def start_episode(state, work, report, i, p):
     state.pass_ceiling[i] = math.inf
     state.log_nominal_depth[i] = p.log_depth_of_cut[i]
     work.middle[i] = 0.0
-    work.engaged[i] = 1.0
+    work.engaged[i] = 1.0  # any time above 0 makes ``look_up_fields`` draw the first bar
     work.tangles[i] = 0
     after = i + ONE_ENV
     look_up_fields(state, work, i, after, p)
@@ -107,8 +107,10 @@ def clear_state(state, i):
 def run_step(state, work, report, actions, count, p):
     """Run one step of the first ``count`` environments of a block.
 
-    ``actions`` has shape (environments, action size). Until the step is finished, ``cost_force``,
-    ``cost_power`` and the means in the report are integrals: [min], [min], [N s] and [kJ].
+    ``state``, ``work`` and ``report`` are the block's records, ``p`` its parameters
+    (``records.py``); ``actions`` has shape (environments, action size). Until the step is finished,
+    ``cost_force``, ``cost_power`` and the means in the report are integrals: [min], [min], [N s]
+    and [kJ].
     """
     clear_sums(report, FIRST_ENV, count)
     for i in range(count):
@@ -131,10 +133,10 @@ def run_step(state, work, report, actions, count, p):
         state.step_count[i] += 1
     read_sensors(state, work, FIRST_ENV, count, p)
     # Read once, before the loop: a loop that reads them again is not vectorised.
-    timeless = p.edge_changes == END
+    ends_with_edge = p.edge_changes == END
     by_step = p.action != PART
     for i in range(count):
-        finish_step(state, work, report, i, p, timeless, by_step)
+        finish_step(state, work, report, i, p, ends_with_edge, by_step)
     look_ahead(state, FIRST_ENV, count, p)
 
 

@@ -165,18 +165,18 @@ def _log_chatter_cutting_speed(s: Source) -> Any:
     return log(np.pi * s.workpiece.diameter * s.machine.chatter_speed / 1000.0)
 
 
-def _timeless(s: Source) -> bool:
-    """Return whether changing an edge takes no time, and its price holds that time."""
+def _ends_with_edge(s: Source) -> bool:
+    """Return whether an episode ends with its edge, so that the edge's price holds the change."""
     return s.control.edge_changes == "end"
 
 
 def _edge_price(s: Source) -> Any:
-    change_time = s.economics.edge_change_time if _timeless(s) else 0.0
+    change_time = s.economics.edge_change_time if _ends_with_edge(s) else 0.0
     return 60.0 * (s.economics.edge_cost + change_time)
 
 
 def _breakage_price(s: Source) -> Any:
-    return 60.0 * s.economics.breakage_downtime if _timeless(s) else 0.0
+    return 60.0 * s.economics.breakage_downtime if _ends_with_edge(s) else 0.0
 
 
 def _further_laws(s: Source) -> Any:
@@ -546,14 +546,14 @@ PARAMETERS = (
         "step_limit",
         "-",
         "largest number of steps of an episode of one edge; 0: none",
-        value=lambda s: s.max_episode_steps if _timeless(s) else 0,
+        value=lambda s: s.max_episode_steps if _ends_with_edge(s) else 0,
         dtype=np.int64,
     ),
     P(
         "clock_limit",
         "min",
         "machine time at which stops of the machine end",
-        value=lambda s: np.inf if _timeless(s) else s.control.time_limit,
+        value=lambda s: np.inf if _ends_with_edge(s) else s.control.time_limit,
     ),
     # Prices.
     _field("economics.reference_removal_rate"),

@@ -33,7 +33,10 @@ def start_part(state, work, i, p, action):
 
 @compiled
 def start_pass(state, work, report, i, p, action, number):
-    """Set speed, feed, depth and sub-step of a pass; the first has the number 0."""
+    """Set speed, feed, depth and sub-step of a pass; the first has the number 0.
+
+    ``action`` holds the numbers of one environment, each clipped to -1..1.
+    """
     speed = min(
         set_point(action[2 + 2 * number], p.cutting_speed_min[i], p.cutting_speed_max[i]),
         p.reachable_cutting_speed[i],

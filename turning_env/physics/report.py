@@ -35,13 +35,13 @@ def clear_sums(report, first, last):
 
 
 @compiled
-def finish_step(state, work, report, i, p, timeless, by_step):
+def finish_step(state, work, report, i, p, ends_with_edge, by_step):
     """Set terminated, truncated, the reward and its terms [s], and the mean force, power and costs.
 
-    ``timeless``: whether the episode ends with its edge. ``by_step``: whether means are over the
-    step; with parts, they are over the last pass and set already.
+    ``ends_with_edge``: whether the episode ends with its edge. ``by_step``: whether means are over
+    the step; with parts, they are over the last pass and set already.
     """
-    set_end(state, work, report, i, p, timeless)
+    set_end(state, work, report, i, p, ends_with_edge)
     report.broken[i] = 1.0 if report.edges_broken[i] > 0.0 else 0.0
     engaged = report.engaged_time[i] if by_step and report.engaged_time[i] > 0.0 else 1.0
     report.mean_thrust_force[i] /= engaged
@@ -54,15 +54,15 @@ def finish_step(state, work, report, i, p, timeless, by_step):
 
 
 @compiled
-def set_end(state, work, report, i, p, timeless):
+def set_end(state, work, report, i, p, ends_with_edge):
     """Set whether the episode has ended: by its job, by its edge, or out of time."""
     finished = 1 if state.path[i] > p.path_end[i] - _ROUNDING else 0
-    ends_with_edge = 1 if timeless else 0
-    terminated = finished | (work.edge_failed[i] & ends_with_edge)
+    failure_ends = 1 if ends_with_edge else 0
+    terminated = finished | (work.edge_failed[i] & failure_ends)
     out_of_steps = 1 if state.step_count[i] >= p.step_limit else 0
     # Half a sub-step is added: the clock, a sum of sub-steps, may miss the limit by rounding.
     out_of_minutes = 1 if state.clock[i] + 0.5 * p.sub_step[i] >= p.time_limit[i] else 0
-    out_of_time = out_of_steps if timeless else out_of_minutes
+    out_of_time = out_of_steps if ends_with_edge else out_of_minutes
     report.terminated[i] = float(terminated)
     report.truncated[i] = float(out_of_time & (1 - terminated))
     report.finished[i] = float(finished)

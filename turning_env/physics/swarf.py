@@ -16,9 +16,11 @@ ROUNDING = 1e-6
 
 @compiled
 def tangle(state, work, count, p):
-    """Use up margins while cutting outside the window; tangle where none is left.
+    """Let chips tangle in the sub-step where the integral of the rate has used up the margin [-].
 
-    Chips tangle at most once per sub-step.
+    It counts tangles in ``work`` and ``state``, at most one per sub-step, and draws their next
+    margins. The integral grows with ``work.engaged`` [min] while feed or depth of cut is outside
+    the window in which chips break.
     """
     tangled = 0
     for i in range(count):

@@ -101,17 +101,18 @@ def set_blank(state, work, first, last, p):
 
 @compiled
 def locate_along_bar(state, work, first, last, p):
-    """Set the place along the bar, and return the number of environments that have passed a node.
+    """Set the place along the bar [mm], and return how many environments have passed a node.
 
-    The nodes on either side are kept until the tool has passed them, because drawing them costs
-    more than everything else.
+    Fields of hardness and depth are interpolated between random nodes along the bar. The nodes on
+    either side are kept until the tool has passed them, because drawing them costs more than
+    everything else.
     """
     passing = 0
     for i in env_range(first, last):
-        cut = work.middle[i]
-        bar = np.floor(cut * p.bars_per_cut[i])
+        metal_behind = work.middle[i]  # length cut in all bars, up to the middle of this cut [mm]
+        bar = np.floor(metal_behind * p.bars_per_cut[i])
         # Rounding must not ask for a node before the first.
-        along = max(cut - bar * p.bar_length[i], 0.0)
+        along = max(metal_behind - bar * p.bar_length[i], 0.0)
         hardness_cell = np.floor(along * p.hardness_nodes_per_length[i])
         depth_cell = np.floor(along * p.depth_nodes_per_length[i])
         moved = (
