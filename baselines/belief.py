@@ -130,18 +130,21 @@ class Belief:
         Models are kept by their number.
         """
         if number not in self._models:
-            self._models[number] = self._known(scenario(number))
-        self._take(env_index, self._models[number])
+            self._models[number] = self._numbers_and_model(scenario(number))
+        self._set_model(env_index, self._models[number])
 
     def replace_model(self, env_index: int, nominal: Scenario) -> None:
         """Give an environment another nominal model, as ``assign``, but do not keep the model."""
-        self._take(env_index, self._known(nominal))
+        self._set_model(env_index, self._numbers_and_model(nominal))
 
-    def _known(self, nominal: Scenario) -> tuple[dict[str, Any], NominalModel]:
+    def _numbers_and_model(self, nominal: Scenario) -> tuple[dict[str, Any], NominalModel]:
+        """Return the numbers of one nominal model, for the entries and for the filter."""
         return _values(nominal), model_of([nominal], self._errors)
 
-    def _take(self, env_index: int, known: tuple[dict[str, Any], NominalModel]) -> None:
-        values, model = known
+    def _set_model(
+        self, env_index: int, numbers_and_model: tuple[dict[str, Any], NominalModel]
+    ) -> None:
+        values, model = numbers_and_model
         for name, numbers in self._numbers.items():
             numbers[env_index] = values[name]
         self.filter.assign(env_index, model)
@@ -318,13 +321,14 @@ class BeliefObservation(
         observation, info = self.env.reset(**options)
         begins = np.ones(1, np.bool_)
         _begin(self._belief, self.env.unwrapped, begins, info)
-        return self._seen(observation), info
+        return self._with_belief(observation), info
 
     def step(self, action: Observations) -> tuple[Observations, Any, bool, bool, dict[str, Any]]:
         observation, reward, terminated, truncated, info = self.env.step(action)
-        return self._seen(observation), reward, terminated, truncated, info
+        return self._with_belief(observation), reward, terminated, truncated, info
 
-    def _seen(self, observation: Observations) -> Observations:
+    def _with_belief(self, observation: Observations) -> Observations:
+        """Return an observation, shape (entries,), and behind it the entries of the belief."""
         believed = self._belief.observe(observation[np.newaxis])[0]
         return np.concatenate([observation, believed])
 
@@ -348,7 +352,7 @@ class VectorBeliefObservation(VectorWrapper):
         mask = (options or {}).get("reset_mask", self._all)
         self._ended = self._ended & ~mask
         _begin(self._belief, self.env.unwrapped, mask, infos)
-        return self._seen(observations, mask), infos
+        return self._with_belief(observations, mask), infos
 
     def step(self, actions: Observations) -> tuple[Observations, Any, Any, Any, dict[str, Any]]:
         observations, rewards, terminated, truncated, infos = self.env.step(actions)
@@ -361,11 +365,15 @@ class VectorBeliefObservation(VectorWrapper):
             self._ended = ended
         elif "final_obs" in infos:
             # The belief learns from the last observations first, then begins with the new ones.
-            last = self._seen(at_end(observations, infos, ended), self._all)
+            last = self._with_belief(at_end(observations, infos, ended), self._all)
             infos = with_final(infos, ended, last)
             _begin(self._belief, env, ended, infos)
             learns_from = ended
-        return self._seen(observations, learns_from), rewards, terminated, truncated, infos
+        return self._with_belief(observations, learns_from), rewards, terminated, truncated, infos
 
-    def _seen(self, observations: Observations, mask: Mask) -> Observations:
+    def _with_belief(self, observations: Observations, mask: Mask) -> Observations:
+        """Return observations and the belief behind them, which learns in environments of a mask.
+
+        The shape is (num_envs, entries).
+        """
         return np.concatenate([observations, self._belief.observe(observations, mask)], axis=1)

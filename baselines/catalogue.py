@@ -113,7 +113,7 @@ def spec(
     name: str,
     scenario: Scenario | Sequence[Scenario],
     tuned_on: Scenario | None = None,
-    own: Parameters | None = None,
+    further_parameters: Parameters | None = None,
     numbers: Sequence[Mapping[str, float]] | None = None,
 ) -> PolicySpec:
     """Return a controller built with a scenario's nominal model and its tuned parameters, if any.
@@ -123,7 +123,7 @@ def spec(
         scenario: one to play, or one for each environment if the rule plays them ``together``.
         tuned_on: scenario on which its parameters were tuned; None: the one that it plays, or the
             first.
-        own: further parameters, which replace others.
+        further_parameters: parameters that replace tuned or fixed ones, or are added to them.
         numbers: the catalogue's numbers of each scenario, for rules that need them.
 
     Raises:
@@ -152,7 +152,7 @@ def spec(
     command = None
     if rule.ranges:
         tuned_parameters, command = tuned.setting(name, rule, (tuned_on or first).nominal())
-    parameters = rule.fixed | tuned_parameters | (own or {})
+    parameters = rule.fixed | tuned_parameters | (further_parameters or {})
     return PolicySpec(
         name=name,
         version=rule.version,

@@ -54,10 +54,10 @@ def log_speeds(parameters: Mapping[str, float], numbers: Numbers) -> Array:
     return values
 
 
-def limited(
+def with_highest_speeds(
     scenario: Scenarios, num_envs: int, log_speed: Array, change_at: float, **others: float
 ) -> SelfTuning:
-    """Return ``self_tuning`` with a highest speed for each environment, or for all.
+    """Return a policy ``SelfTuning`` with a highest cutting speed for each environment, or for all.
 
     Args:
         scenario: nominal model, or one for each environment.
@@ -74,19 +74,21 @@ def limited(
 def contextual(
     scenario: Scenarios, num_envs: int, numbers: Numbers, **parameters: float
 ) -> SelfTuning:
-    """Return ``self_tuning`` with the highest speed of the law.
+    """Return a policy ``SelfTuning`` whose highest cutting speed the law sets for each job.
 
     Args:
         scenario: nominal model, or one for each environment.
         num_envs: number of environments.
-        numbers: the catalogue's numbers of each scenario's job.
-        parameters: those of the law, and those of ``SelfTuning``.
+        numbers: the catalogue's numbers of each scenario's job [-].
+        parameters: those of the law, whose names begin with ``SPEED`` [-], and those of
+            ``SelfTuning``.
 
     Raises:
         ValueError: the law needs a number that a job lacks.
     """
+    log_speed = log_speeds(parameters, numbers)
     others = {name: value for name, value in parameters.items() if not name.startswith(SPEED)}
-    return limited(scenario, num_envs, log_speeds(parameters, numbers), **others)
+    return with_highest_speeds(scenario, num_envs, log_speed, **others)
 
 
 RULES = {

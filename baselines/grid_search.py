@@ -101,9 +101,10 @@ def predict(parameters, speed, feed, used_life, start, end):
 
 @compiled
 def highest_feed(parameters, speed, feeds, used_life, start, end, limits):
-    """Return the index of the highest feasible feed at a speed, or -1.
+    """Return the index of the highest feasible feed at a ``speed`` [m/min], or -1 if none is.
 
-    Bisection finds it, because force, power and wear grow with feed.
+    ``feeds`` [mm/rev] are ascending. Other arguments are those of ``best_pair``. Bisection finds
+    the feed, because force, power and wear grow with it.
     """
     power_limit = limits.power * capacity(parameters, 0, speed)
     feasible = -1

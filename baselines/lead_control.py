@@ -102,6 +102,7 @@ class LeadControl(Policy):
         self._follow(reading, chip_share)
         self._estimate(reading)
 
+        # Chip and load mean f^m, the feed to the law's exponent, behind and before the chip's lag.
         # A lag with the share s covers s (wanted - actual) in a step. To cover r (wanted - actual),
         # with r the share of ``response_time``, it is sent actual + r / s (wanted - actual).
         wanted_chip = self._reference(reading) / exp(self._log_k)

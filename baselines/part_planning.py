@@ -157,7 +157,7 @@ def pass_depths(allowance: Array, path: Array, passes: Array, passes_max: int) -
     return np.maximum(met - after, 0.0)
 
 
-def _fixed(
+def _fixed_plan(
     scenario: Scenario, num_envs: int, passes: float, cutting_speed: float, feed: float
 ) -> ConstantActions:
     """Return the policy with the same passes and set point for every part, as in an NC program.
@@ -178,7 +178,7 @@ def _fixed(
     return ConstantActions(action)
 
 
-def _ruled(rule: str, corrected: bool) -> Rule:
+def _parts_rule(rule: str, corrected: bool) -> Rule:
     """Return the catalogue's entry of ``RuledParts`` with a rule of ``two_limits``."""
     name = "the economic optimum" if rule == ECONOMIC_OPTIMUM else f"[{rule}]"
     path = "made for the measured size" if corrected else "as drawn"
@@ -205,7 +205,7 @@ RULES: dict[str, Rule] = {
     "parts_fixed_tuned": Rule(
         "the best passes, speed and feed for all parts on the tuning seeds; "
         "speed and feed as shares of their log ranges",
-        _fixed,
+        _fixed_plan,
         plays=lambda scenario: scenario.control.action == "part",
         parameters={
             "passes": Range(0.5, 4.5),
@@ -217,6 +217,6 @@ RULES: dict[str, Rule] = {
 }
 _NAMED = {rule: rule.lower() for rule in TWO_LIMITS} | {ECONOMIC_OPTIMUM: "economic"}
 for _rule, _name in _NAMED.items():
-    RULES[f"parts_{_name}"] = _ruled(_rule, corrected=False)
+    RULES[f"parts_{_name}"] = _parts_rule(_rule, corrected=False)
 for _rule, _name in _NAMED.items():
-    RULES[f"parts_app_{_name}"] = _ruled(_rule, corrected=True)
+    RULES[f"parts_app_{_name}"] = _parts_rule(_rule, corrected=True)

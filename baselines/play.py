@@ -103,7 +103,7 @@ def match_on_family(name: str, seed: int) -> Match:
         FAMILY_RULE,
         job.scenario,
         tuned_on=Scenario.load(family.base),
-        own=tuned.on_family(family, FAMILY_RULE),
+        further_parameters=tuned.on_family(family, FAMILY_RULE),
         numbers=[job.numbers],
     )
     return Match(

@@ -140,7 +140,10 @@ def _always(scenario: Scenario) -> bool:
 
 
 def _wait_then_play(scenarios: Sequence[Scenario], num_envs: int) -> FirstThen:
-    """Return a policy that idles for half of an episode, then plays plain parameters."""
+    """Return a policy that idles for half of an episode, then cuts as programmed.
+
+    ``scenarios``: one for all environments, or one for each; their actions are alike.
+    """
     first = scenarios[0]
     idle = extreme(first, -1.0)
     policy: Policy
@@ -148,6 +151,7 @@ def _wait_then_play(scenarios: Sequence[Scenario], num_envs: int) -> FirstThen:
         steps = first.workpiece.bars
         policy = ConstantActions(zero(first))
         return FirstThen(num_envs, idle, steps=steps / 2.0, policy=policy)
+    # The values of a batch are arrays, so each environment idles for half of its episode.
     batch: Any = first
     if len(scenarios) > 1:
         batch = ScenarioBatch.of(scenarios)

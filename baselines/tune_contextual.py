@@ -29,7 +29,15 @@ import numpy as np
 from tqdm import tqdm
 
 from baselines import tuned
-from baselines.contextual import CHANGE_AT, MIDDLE, RULES, SPEED, limited, log_speeds, slope_name
+from baselines.contextual import (
+    CHANGE_AT,
+    MIDDLE,
+    RULES,
+    SPEED,
+    log_speeds,
+    slope_name,
+    with_highest_speeds,
+)
 from baselines.rule import Array, Parameters
 from baselines.tune import log_of
 from turning_env import MODEL_VERSION, Family
@@ -85,8 +93,8 @@ class Grid:
         returns = low + share * (high - low)
         return float(returns.mean())
 
-    def earned(self, law: Parameters) -> float:
-        """Return the mean over jobs of the returns by a law of the speed."""
+    def mean_return_of_law(self, law: Parameters) -> float:
+        """Return the mean over jobs of the returns [s] at the speeds of a law."""
         numbers = []
         for row in self.numbers + MIDDLE:
             numbers.append(dict(zip(self.names, row, strict=True)))
@@ -120,10 +128,10 @@ def climb(value: Callable[[Array], float], start: Array) -> Array:
     return best.round(DIGITS)
 
 
-def shifted(grid: Grid, slopes: Parameters) -> Parameters:
-    """Return given slopes of the speed with the best constant beside them.
+def with_best_constant(grid: Grid, slopes: Parameters) -> Parameters:
+    """Return a law of given slopes, and of the constant with which its mean return is highest.
 
-    It is lower than that of least squares, because too fast costs more than too slow.
+    The constant is lower than that of least squares, because too fast costs more than too slow.
     """
     prefix = slope_name("")
     names = [name.removeprefix(prefix) for name in slopes]
@@ -142,14 +150,14 @@ def regression(grid: Grid, names: Sequence[str]) -> Parameters:
     """Return a least-squares law of each job's best log speed, with the best constant."""
     columns = grid.columns(names)
     best_speeds = grid.best_log_speeds()
-    # Slopes alone: ``shifted`` finds a better constant than the regression.
+    # Slopes alone: ``with_best_constant`` finds a better constant than the regression.
     centred = columns - columns.mean(axis=0)
     centred_speeds = best_speeds - best_speeds.mean()
     solution, *_ = np.linalg.lstsq(centred, centred_speeds, rcond=None)
     slopes = {}
     for name, slope in zip(names, solution, strict=True):
         slopes[slope_name(name)] = round(float(slope), DIGITS)
-    return shifted(grid, slopes)
+    return with_best_constant(grid, slopes)
 
 
 def best_law(grid: Grid, names: Sequence[str]) -> Parameters:
@@ -174,7 +182,7 @@ def best_law(grid: Grid, names: Sequence[str]) -> Parameters:
 def best_pair(grid: Grid, names: Sequence[str]) -> Parameters:
     """Return the law of two numbers that earns most in the grid."""
     laws = [best_law(grid, pair) for pair in combinations(names, 2)]
-    return max(laws, key=grid.earned)
+    return max(laws, key=grid.mean_return_of_law)
 
 
 def candidates(grid: Grid, shown: Sequence[str]) -> dict[str, Parameters]:
@@ -182,7 +190,7 @@ def candidates(grid: Grid, shown: Sequence[str]) -> dict[str, Parameters]:
 
     ``shown``: names of the catalogue's numbers that they may use.
     """
-    laws = {"constant": shifted(grid, {})}
+    laws = {"constant": with_best_constant(grid, {})}
     if shown:
         laws["regression"] = regression(grid, shown)
         laws["best law"] = best_law(grid, shown)
@@ -267,7 +275,7 @@ class Plays:
         drawn = [self._family.job(job, split) for job in jobs]
         numbers = [job.numbers for job in drawn]
         fixed: Any = RULES[NAME].fixed
-        policy = limited(
+        policy = with_highest_speeds(
             [job.scenario.nominal() for job in drawn] * len(laws),
             len(jobs) * len(laws),
             log_speed=np.concatenate([log_speeds(law, numbers) for law in laws]),
@@ -288,14 +296,20 @@ class Plays:
 def tune(family: Family, plays: Plays, jobs: int) -> dict[str, Any]:
     """Return the entry of the rule in a file of tuned parameters, and print all candidates.
 
-    ``jobs``: number of training jobs, and of validation jobs.
+    The candidates are fitted to training jobs; the best on validation jobs is the rule.
+
+    Args:
+        family: the family.
+        plays: plays the rule on the family's jobs.
+        jobs: number of training jobs, and of validation jobs.
     """
     laws = candidates(plays.grid(jobs), family.shown)
-    played = plays.laws("candidates", list(laws.values()), split="validation", jobs=jobs)
-    validation = dict(zip(laws, played, strict=True))
+    returns_of_laws = plays.laws("candidates", list(laws.values()), split="validation", jobs=jobs)
+    # Returns [s] of each candidate by its name, shape (jobs,).
+    returns_by_name = dict(zip(laws, returns_of_laws, strict=True))
     means = {}
-    for name, returns in validation.items():
-        _print_candidate(name, laws[name], validation)
+    for name, returns in returns_by_name.items():
+        _print_candidate(name, laws[name], returns_by_name)
         means[name] = float(returns.mean())
     best = max(means, key=means.__getitem__)
     return {
@@ -308,10 +322,10 @@ def tune(family: Family, plays: Plays, jobs: int) -> dict[str, Any]:
     }
 
 
-def _print_candidate(name: str, law: Parameters, validation: Mapping[str, Array]) -> None:
+def _print_candidate(name: str, law: Parameters, returns_by_name: Mapping[str, Array]) -> None:
     """Print a candidate's return on the validation jobs, its lead and its parameters."""
-    returns = validation[name]
-    leads = returns - validation["constant"]
+    returns = returns_by_name[name]
+    leads = returns - returns_by_name["constant"]
     bootstrap = Bootstrap(len(leads))
     means = bootstrap.means(leads[np.newaxis], "")
     lead = Estimate.of(leads.mean(), means)

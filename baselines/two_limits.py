@@ -78,7 +78,12 @@ class Optimum(NamedTuple):
 
 
 def limits(rule: str, process: Process) -> tuple[Limit, Limit]:
-    """Return the two limits of a rule.
+    """Return the two limits of a rule, such as thrust force and highest speed of "PV".
+
+    Args:
+        rule: two letters, one of ``TWO_LIMITS``. The second may be T, the economic life of the edge
+            along the first limit.
+        process: laws and limits.
 
     Raises:
         ValueError: the rule is unknown, or with these laws its limits fix no point.
@@ -148,10 +153,15 @@ def set_point(
 
 
 def _point_of_rule(rule: str, process: Process, cut: Cut) -> LogPoint:
-    """Return the point of one of ``TWO_LIMITS`` within the machine's ranges."""
+    """Return the point at which both limits of a rule are reached, or that nearest in range.
+
+    ``rule`` is one of ``TWO_LIMITS``. The point lies within the machine's ranges.
+    """
     first_limit, second_limit = limits(rule, process)
+    # A line: exponent of speed * log speed + exponent of feed * log feed = room.
     first = first_limit.line(*cut)
     second = second_limit.line(*cut)
+    # A radial force takes the place of P, a roughness that of S, where it is tighter.
     further_name = FURTHER.get(rule[0], "")
     further = process.further.get(further_name)
     if further is not None and first.cutting_speed == 0.0:
@@ -352,7 +362,7 @@ def _plays(rule: str, scenario: Scenario) -> bool:
     return sets_speed_and_feed(scenario)
 
 
-def _fixed(scenario: Scenario, num_envs: int, rule: str) -> FixedParameters:
+def _fixed_at_rule(scenario: Scenario, num_envs: int, rule: str) -> FixedParameters:
     speed, feed = set_point(rule, Process.of(scenario), scenario.workpiece.depth_of_cut)
     return FixedParameters(scenario, speed, feed)
 
@@ -361,7 +371,7 @@ RULES = {}
 for _rule in ("PV", "SN", "PN"):
     RULES[f"rule_{_rule.lower()}"] = Rule(
         f"rule [{_rule}] of Sharmazanashvili (2008) on nominal models at mean wear",
-        partial(_fixed, rule=_rule),
+        partial(_fixed_at_rule, rule=_rule),
         plays=partial(_plays, _rule),
         parameters={},
         published=True,

@@ -11,9 +11,11 @@ from turning_env.vector_env import RoughTurningVectorEnv
 
 
 def warm_up() -> None:
-    """Play one step of each search, with one environment, which has functions of its own, and two.
+    """Compile the searches of the rules: play one step of each.
 
-    The searches are at given loads, with a margin and a filter, with doubt, and at the true state.
+    They are played with one environment, for which other functions are compiled, and with two. The
+    rules call them with all types of arguments: grid search at nominal and at scaled loads, the
+    optimiser with estimated loads and their spread, and the oracle at the true state.
     """
     scenario = Scenario()
     for num_envs in (1, 2):

@@ -192,7 +192,7 @@ def rule(name: str, task: Task, knows: Knowledge = "nominal", forgets: bool = Fa
             name,
             job.scenario,
             tuned_on=Scenario.load(family.base),
-            own=parameters,
+            further_parameters=parameters,
             numbers=[job.numbers],
         )
     known_family = family
@@ -236,6 +236,10 @@ class Truthful(Family):
         return Truthful.model_validate, (self.model_dump(),)
 
     def draw_numbers(self, split: str, numbers: NDArray[np.uint64]) -> DrawnJobs:
+        """Draw the family's jobs, then replace nominal values of ``true_fields`` by the true ones.
+
+        ``numbers`` are those of the jobs, shape (jobs,).
+        """
         jobs = super().draw_numbers(split, numbers)
         fields = dict(jobs.nominal_fields)
         for name in fields:
@@ -243,6 +247,7 @@ class Truthful(Family):
                 fields[name] = jobs.true_fields[name]
         nominal = self.batch_of(fields, len(numbers))
         plan = plan_of(nominal)
+        # The catalogue's numbers do not follow from a nominal model, so they stay.
         shown = {name: jobs.features[name] for name in self.shown}
         return replace(
             jobs,
@@ -302,7 +307,7 @@ class FamilyPlay:
             self.policy,
             scenarios if RULES[self.policy].together else scenarios[0],
             tuned_on=Scenario.load(self.family.base),
-            own=self.parameters,
+            further_parameters=self.parameters,
             numbers=[job.numbers for job in jobs],
         )
         return controller.make

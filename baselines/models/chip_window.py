@@ -62,12 +62,6 @@ class ChipWindow:
         self.log_weights += stops[:, np.newaxis] * log(share)
 
     @property
-    def weights(self) -> Array:
-        """Weights of the shifts [-], shape (num_envs, shifts)."""
-        relative = np.exp(self.log_weights - self.log_weights.max(axis=1, keepdims=True))
-        return np.asarray(relative / relative.sum(axis=1, keepdims=True))
-
-    @property
     def shift(self) -> Array:
         """Most probable log shift [-], shape (num_envs,)."""
         return np.asarray(SHIFTS[self.log_weights.argmax(axis=1)])

@@ -150,25 +150,30 @@ def price_life(parameters, laws, used_lives, prices):
         prices: records of ``PRICES``, shape (num_envs,), which are overwritten.
     """
     # Earnings of each set point until the edge is worn out [s], and the time until then [s]. The
-    # rows are used lives; the last one is the environment's own.
-    earned = np.empty((LIVES + 1, SPEEDS))
-    lasts = np.empty((LIVES + 1, SPEEDS))
+    # rows are used lives; the last one is that of the edge in use.
+    earnings = np.empty((LIVES + 1, SPEEDS))
+    durations = np.empty((LIVES + 1, SPEEDS))
     for i in range(len(prices)):
         p = parameters[i % len(parameters)]
         used_life = min(max(used_lives[i], MIN_USED_LIFE), 1.0)
-        compare_speeds(p, laws[i], used_life, earned, lasts)
+        compare_speeds(p, laws[i], used_life, earnings, durations)
         time = 1.0
         if p.limits_time > 0.0:
-            time = price_of_time(p, earned, lasts)
-        best = best_of(earned[LIVES], lasts[LIVES], time)
-        life = earned[LIVES, best] - time * lasts[LIVES, best]
+            time = price_of_time(p, earnings, durations)
+        best = best_of(earnings[LIVES], durations[LIVES], time)
+        life = earnings[LIVES, best] - time * durations[LIVES, best]
         prices[i].time = time
         prices[i].life = max(life, p.min_life_price)
 
 
 @compiled
-def compare_speeds(p, law, used_life, earned, lasts):
-    """Fill in earnings and lives at all cutting speeds, with the highest feed within the limits."""
+def compare_speeds(p, law, used_life, earnings, durations):
+    """Fill in ``earnings`` [s] and ``durations`` [s] of the rest of an edge's life.
+
+    Their shape is (LIVES + 1, SPEEDS): a row for each used life, the last one for ``used_life``
+    [-], and a column for each cutting speed, with the highest feed within the limits. ``law`` is a
+    record of ``EXPECTED_LAWS``.
+    """
     for k in range(SPEEDS):
         speed = p.min_log_speed + (p.max_log_speed - p.min_log_speed) * k / (SPEEDS - 1.0)
         # Power that is left for the cut over the limit, which falls below the base speed.
@@ -183,10 +188,12 @@ def compare_speeds(p, law, used_life, earned, lasts):
             power_feed = -(power + law.power_life * power_term) / max(law.power_feed, MIN_EXPONENT)
             highest = min(force_feed, power_feed)
             feed = min(max(highest, p.min_log_feed), p.max_log_feed)
-            lasts[j, k] = exp(-(law.log_life_rate + law.life_speed * speed + law.life_feed * feed))
+            durations[j, k] = exp(
+                -(law.log_life_rate + law.life_speed * speed + law.life_feed * feed)
+            )
             # Above the highest feed, loads exceed their limits in about the same proportion.
             rate = p.metal_value * exp(speed + feed) - p.overload_price * max(feed - highest, 0.0)
-            earned[j, k] = rate * lasts[j, k]
+            earnings[j, k] = rate * durations[j, k]
 
 
 @compiled
@@ -201,27 +208,31 @@ def life_term(growth, wear_time, log_used):
 
 
 @compiled
-def price_of_time(p, earned, lasts):
-    """Return the price of time at which a whole edge pays for itself, by Newton's method."""
+def price_of_time(p, earnings, durations):
+    """Return the price of a second [s] at which a whole edge pays for itself, by Newton's method.
+
+    ``earnings`` and ``durations`` are those of ``compare_speeds``.
+    """
     # Find c such that mean over D of max(p(D), 0) = edge cost + c * change time, where
-    # p(D) = earned - c * lasts at the best set point. By the envelope theorem, dp/dc = -lasts.
+    # p(D) = earnings - c * durations at the best set point. By the envelope theorem, dp/dc =
+    # -durations.
     time = 1.0
     for _ in range(NEWTON_STEPS):
         surplus = -(p.edge_cost + time * p.edge_change_time)
         slope = p.edge_change_time
         for j in range(LIVES):
-            best = best_of(earned[j], lasts[j], time)
-            life_price = earned[j, best] - time * lasts[j, best]
+            best = best_of(earnings[j], durations[j], time)
+            life_price = earnings[j, best] - time * durations[j, best]
             if life_price > 0.0:
                 surplus += life_price / LIVES
-                slope += lasts[j, best] / LIVES
+                slope += durations[j, best] / LIVES
         time = min(max(time + surplus / slope, MIN_TIME_PRICE), MAX_TIME_PRICE)
     return time
 
 
 @compiled_separately
 def best_of(gain, rate, price):
-    """Return the place of the set point that gains most at a price of its rate."""
+    """Return the index at which gain - price * rate is highest; arrays of one shape."""
     best = 0
     max_worth = -np.inf
     for k in range(len(gain)):

@@ -192,14 +192,21 @@ def search(parameters, moments, environments, points, best):
 
 @compiled_separately
 def try_set_point(p, times, env, ahead, log_speed, log_feed):
-    """Return the mean gain expected of a commanded log speed and log feed, and the next step.
+    """Return as a ``Trial`` the mean gain of a commanded set point, and Newton's next step from it.
 
-    At each point, the gain is
+    The gain [s of machine time per s] is a mean over points ahead of the tool. At each it is
 
         value of metal - price of the life used - price of overload
 
-    and, once for all points, - price of breakage. All are functions of linear forms in the
-    commanded logarithms.
+    and, once for all points, - price of breakage.
+
+    Args:
+        p: record of the numbers that all environments share.
+        times: records ``MOMENT``, one of each point.
+        env: record ``ENVIRONMENT``.
+        ahead: records ``POINT``, shape (points,).
+        log_speed: commanded log cutting speed [log m/min].
+        log_feed: commanded log feed [log mm/rev].
     """
     points = len(ahead)
     gain = Gain(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -212,7 +219,7 @@ def try_set_point(p, times, env, ahead, log_speed, log_feed):
         speed = env.log_speed + by_speed * (log_speed - env.log_speed)
         feed = env.log_feed + by_feed * (log_feed - env.log_feed)
         metal = point.metal_value * exp(speed + feed)
-        gain = plus(gain, metal, metal, metal, by_speed, by_feed)
+        gain = with_term(gain, metal, metal, metal, by_speed, by_feed)
         if point.cutting == 0.0:
             continue
 
@@ -220,7 +227,7 @@ def try_set_point(p, times, env, ahead, log_speed, log_feed):
         cost = -point.life_price * life_rate
         life_by_speed = by_speed * env.life_speed
         life_by_feed = by_feed * env.life_feed
-        gain = plus(gain, cost, cost, cost, life_by_speed, life_by_feed)
+        gain = with_term(gain, cost, cost, cost, life_by_speed, life_by_feed)
 
         # The used life grows with time: D = D0 + rate * time, and wear is D^wear_time.
         used_life = env.used_life + life_rate * times[k].time
@@ -273,7 +280,7 @@ def charge_overload(p, gain, load, spread):
         return gain
     price = -p.overload_price
     over = excess(load.value, spread)
-    return plus(
+    return with_term(
         gain,
         price * over.value,
         price * over.slope,
@@ -310,7 +317,7 @@ def charge_power(p, gain, env, point, state):
     )
     price = -p.overload_price
     over = excess(power.value, point.power_spread)
-    gain = plus(
+    gain = with_term(
         gain,
         price * over.value,
         price * over.slope,
@@ -320,7 +327,7 @@ def charge_power(p, gain, env, point, state):
     )
     # The corner itself is curved: d2/du2 of the smoothed term is corner^2 / (2 root^3).
     corner = price * over.slope * 0.5 * (CORNER * CORNER) / (root * root * root)
-    return plus(gain, 0.0, 0.0, corner, state.speed_by_speed, 0.0)
+    return with_term(gain, 0.0, 0.0, corner, state.speed_by_speed, 0.0)
 
 
 @compiled
@@ -330,7 +337,7 @@ def charge_breakage(p, gain, env, worst, points):
     # probability. The risk is that of the step, not of a second, and counts once for all points.
     risk = probability(worst.value)
     price = -env.breakage_price / p.interval * points
-    return plus(
+    return with_term(
         gain,
         price * risk.below,
         price * risk.density,
@@ -341,13 +348,18 @@ def charge_breakage(p, gain, env, worst, points):
 
 
 @compiled
-def plus(gain, value, slope, curvature, by_speed, by_feed):
-    """Add a function of a linear form to a gain.
+def with_term(gain, value, slope, curvature, by_speed, by_feed):
+    """Return a ``Gain`` with one more term: a function of x, such as the log of a load.
 
-    ``value``, ``slope`` and ``curvature`` are those of the function, ``by_speed`` and ``by_feed``
-    the slopes of the form. The chain rule gives the gain's slopes and curvatures; curvatures of the
-    form are left out.
+    Args:
+        gain: the gain without the term.
+        value: value of the term; like the next two, in the gain's unit.
+        slope: derivative of the term by x.
+        curvature: second derivative of the term by x.
+        by_speed: derivative of x by commanded log speed [-].
+        by_feed: derivative of x by commanded log feed [-].
     """
+    # The chain rule. Second derivatives of x are left out: most x are linear in the logarithms.
     curvature_by_speed = curvature * by_speed
     curvature_by_feed = curvature * by_feed
     return Gain(
@@ -362,7 +374,11 @@ def plus(gain, value, slope, curvature, by_speed, by_feed):
 
 @compiled
 def newton_step(env, gain, log_speed, log_feed):
-    """Return the step to the top, within reach, of the parabola with the slopes g and -|H|."""
+    """Return the ``Newton`` step to the top, within reach, of a parabola about a set point.
+
+    The parabola has the slopes g of the ``gain`` at the set point, ``log_speed`` [log m/min] and
+    ``log_feed`` [log mm/rev], and the curvatures -|H|.
+    """
     # |H| is the root of H^2. For 2 x 2 matrices, with d = |det H|, it is
     #     |H| = (H^2 + d I) / sqrt(trace H^2 + 2 d)
     ss = gain.by_speed_speed

@@ -235,8 +235,8 @@ def replace_edge(model, memory, mean, covariance, removed_wear, scratch):
 
 
 @compiled
-def wear_factor(memory, mean):
-    """Return the expected log ratio of the edge's wear to the nominal wear."""
+def log_wear_factor(memory, mean):
+    """Return the expected log ratio of the edge's wear to the nominal wear [-]."""
     return (
         mean[INSERT]
         + mean[HISTORY]
@@ -247,7 +247,7 @@ def wear_factor(memory, mean):
 
 
 @compiled
-def set_wear_factor(memory, derivatives, value):
+def set_wear_derivatives(memory, derivatives, value):
     """Set the derivatives by the states of a term that is ``value`` times the log wear factor."""
     derivatives[INSERT] = value
     derivatives[HISTORY] = value
@@ -261,8 +261,8 @@ def learn_wear(memory, mean, covariance, log_factor, variance, scratch):
     """Correct the estimate by a measured log ratio of wear to the nominal wear."""
     derivatives = scratch.derivatives[0]
     derivatives[:] = 0.0
-    set_wear_factor(memory, derivatives, 1.0)
-    surprise = log_factor - wear_factor(memory, mean)
+    set_wear_derivatives(memory, derivatives, 1.0)
+    surprise = log_factor - log_wear_factor(memory, mean)
     correct(mean, covariance, derivatives, surprise, variance, scratch.gain)
 
 
@@ -325,7 +325,10 @@ def distance_moved(model, memory, reading):
 
 @compiled
 def on_track(model, path, cutting):
-    """Return the distance [mm], corrected if the reading says that the tool is elsewhere."""
+    """Return the tool's path [mm], corrected if the reading says that it is elsewhere.
+
+    ``cutting``: whether the tool is in metal by the reading.
+    """
     start = model.pitch * math.floor(path / model.pitch)
     along = path - start
     in_air = along < model.approach
@@ -406,8 +409,9 @@ def move_field(model, mean, covariance, k, t):
 def log_load(model, memory, mean, law, depth, hardness, place, derivatives):
     """Return the log ratio of a law's load to the nominal load, and set its derivatives.
 
-    ``depth`` and ``hardness``: relative deviation of depth and log hardness; derivatives by the
-    other states do not depend on them. ``load_filter.py`` gives the equation.
+    ``depth`` and ``hardness``: relative deviation of depth and log hardness [-]; derivatives by
+    the other states do not depend on them. ``place``: speed, feed and wear. ``derivatives``, shape
+    (STATES,), is overwritten. ``load_filter.py`` gives the equation.
     """
     first = LAWS + ERRORS * law
     depth_ratio = max(1.0 + depth, MIN_DEPTH)
@@ -417,13 +421,13 @@ def log_load(model, memory, mean, law, depth, hardness, place, derivatives):
     nominal_term = log_wear_term(growth, place.log_wear) - log_wear_term(
         growth, model.reference_log_wear
     )
-    log_factor = wear_factor(memory, mean)
+    log_factor = log_wear_factor(memory, mean)
     factor = term_of_factor(growth, place.log_wear, log_factor)
     derivatives[:] = 0.0
     derivatives[DEPTH] = model.depth_exponents[law] / depth_ratio
     derivatives[HARDNESS] = model.hardness_exponents[law]
     slope = wear_term_slope(growth, place.log_wear + log_factor)
-    set_wear_factor(memory, derivatives, exponent * slope)
+    set_wear_derivatives(memory, derivatives, exponent * slope)
     derivatives[first + BIAS] = 1.0
     derivatives[first + SPEED_ERROR] = place.log_speed
     derivatives[first + FEED_ERROR] = place.log_feed
@@ -461,9 +465,11 @@ def learn_loads(model, memory, mean, covariance, reading, time_in_metal, scratch
 
 @compiled
 def compare_load(model, memory, mean, law, reading, time_in_metal, scratch):
-    """Set derivatives, surprise and variance of one measured load.
+    """Compare a measured load with the expected one; set its fields in ``scratch`` for ``correct``.
 
-    The variance is 0 if it tells nothing.
+    The fields are the derivatives of the log load by the states, the surprise log(measured /
+    expected) [-] and its variance, 0 if the reading tells nothing. ``law`` is ``FORCE`` or
+    ``POWER``, ``time_in_metal`` the time in metal within the step [s].
     """
     speed = reading.cutting_speed
     cutting = reading.nominal_wear > 0.0 and reading.cutting != 0
@@ -527,9 +533,15 @@ def decay(time, time_constant):
 
 @compiled
 def correct(mean, covariance, derivatives, surprise, variance, gain):
-    """Correct an estimate by a measurement.
+    """Correct an estimate, in place, by a measured number.
 
-    ``surprise`` is measured less expected, ``gain`` is overwritten.
+    Args:
+        mean: states, shape (STATES,).
+        covariance: their covariance, shape (STATES, STATES).
+        derivatives: those of the expected number by the states, shape (STATES,).
+        surprise: measured less expected number.
+        variance: that of the measurement's noise.
+        gain: shape (STATES,), overwritten.
     """
     # Kalman's equations for one number, with the derivatives H and the variance R:
     #     g = P H',  S = H g + R,  mean += g / S * surprise,  P -= g g' / S
@@ -648,9 +660,10 @@ def variance_of_edge(covariance, derivatives, products):
 
 @compiled
 def bar_ahead(model, mean, distance, entering):
-    """Return depth and hardness at a distance ahead [mm].
+    """Return the ``BarAhead`` at a distance ahead [mm].
 
-    If ``entering``, of a bar that has not been measured.
+    ``entering``: whether the point lies on a bar that has not been measured. Then depth and
+    hardness are those of the prior.
     """
     if entering:
         return BarAhead(

@@ -230,7 +230,7 @@ class LoadFilter:
 
     @property
     def _wear_weights(self) -> dict[int, Any]:
-        """Weights of the states in the log wear factor, as in ``kalman_steps.wear_factor``."""
+        """Weights of the states in the log wear factor, as in ``kalman_steps.log_wear_factor``."""
         return {
             INSERT: 1.0,
             HISTORY: 1.0,

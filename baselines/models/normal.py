@@ -61,7 +61,7 @@ def excess(log_mean, spread):
     ratio = log_mean / spread
     beyond = ratio + spread
     density = exp(-0.5 * (ratio * ratio))
-    # ``tail`` gives the smaller of two probabilities; the other is 1 less it.
+    # density * tail(z) is Phi(-z) for z >= 0; Phi(z) is 1 less it.
     below = density * tail(abs(ratio))
     if ratio > 0.0:
         below = 1.0 - below

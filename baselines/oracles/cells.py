@@ -107,8 +107,8 @@ def start_episode_of(states, parameters, scratches):
 def survey(states, parameters, scratches, fields, cells):
     """Fill in the true fields in the middle of each cell, shape (3, bars * cells).
 
-    ``cells``: number of cells of a bar. The rows are ``LOG_DEPTH``, ``LOG_HARDNESS`` and
-    ``LOG_WEAR_FACTOR``.
+    ``cells``: number of cells of a bar. The rows are ``LOG_DEPTH`` [log mm], ``LOG_HARDNESS`` [-]
+    and ``LOG_WEAR_FACTOR`` [-].
     """
     state = states[0]
     p = parameters[0]
@@ -176,7 +176,12 @@ def best_return(states, parameters, fields, cells, options, ripple, lives):
 
 @compiled
 def cell_at(p, fields, number, cells, ripple):
-    """Return a cell, with the loads of the lowest depth in a turn and the metal of the highest."""
+    """Return the ``Cell`` of a ``number`` in the row of bars.
+
+    Its loads are those of the lowest depth in a turn, its metal that of the highest. Both raise the
+    bound. ``fields``: see ``survey``; ``cells``: number of cells of a bar; ``ripple``: relative
+    amplitude of the depth's run-out [-].
+    """
     length = p.bar_length[0] / cells  # [mm]
     # Value of the metal of a cell 1 mm deep [s].
     metal = length * 60.0 / p.revolutions_per_metre[0] / p.reference_removal_rate[0]
@@ -202,7 +207,7 @@ def cell_at(p, fields, number, cells, ripple):
 
 @compiled
 def loads_of(p, cell, used_life):
-    """Return the loads of an edge at a used life."""
+    """Return the ``Loads`` in a cell by an edge at a used life [-]."""
     # The edge is taken as sharp as at the cell's start, which raises the bound.
     log_used = log(max(used_life, MIN_USED_LIFE))
     log_wear = p.log_wear_criterion[0] + p.wear_law.time[0] * log_used
@@ -224,7 +229,10 @@ def log_load(law, cell, log_wear, log_limit):
 
 @compiled
 def add_corners(speeds, options, force_law, power_law, loads):
-    """Append to the ladder the speeds at which two limits meet, which is often the optimum."""
+    """Fill in the last three of ``speeds`` [log m/min]: those at which two limits meet.
+
+    The optimum often lies there. The first ones are the ladder of ``options``.
+    """
     ladder = options.log_speeds
     rungs = ladder.shape[0]
     if speeds.shape[0] == rungs:
@@ -252,7 +260,18 @@ def corner(ladder, height, slope):
 
 @compiled
 def best_in_cell(p, options, factors, speeds, cell, loads, used_life, later):
-    """Return the best outcome from a cell on; ``later``: those from the next cell on."""
+    """Return the best ``Outcome`` from a cell on.
+
+    Args:
+        p: parameters of the block.
+        options: feeds that are compared.
+        factors: effects of their steps.
+        speeds: cutting speeds that are compared [log m/min].
+        cell: the cell.
+        loads: loads in the cell by the edge.
+        used_life: used life of the edge at the cell's start [-].
+        later: best outcomes from the next cell on.
+    """
     lives = later.value.shape[0] - 1
     best = Outcome(-np.inf, 0.0)
     for log_speed in speeds:
@@ -279,21 +298,21 @@ def best_in_cell(p, options, factors, speeds, cell, loads, used_life, later):
             excess = max(force_at_kink * factors.force[k] - 1.0, 0.0) + max(
                 power_at_kink * factors.power[k] - 1.0, 0.0
             )
-            using = used_at_kink * factors.used_life[k]
+            life_in_cell = used_at_kink * factors.used_life[k]
             gain = (
                 cell.metal_value
                 - time * (1.0 + p.overload_price[0] * excess)
-                - p.edge_price[0] * using
+                - p.edge_price[0] * life_in_cell
             )
-            after = used_life + using
-            if after >= 1.0:  # the edge ends within the cell
-                gain *= (1.0 - used_life) / using
+            used_life_after = used_life + life_in_cell
+            if used_life_after >= 1.0:  # the edge ends within the cell
+                gain *= (1.0 - used_life) / life_in_cell
             else:
-                gain += between(later.value, after * lives)
+                gain += between(later.value, used_life_after * lives)
             if gain > best.value:
-                end = cell.number + (1.0 - used_life) / using
-                if after < 1.0:
-                    end = between(later.end, after * lives)
+                end = cell.number + (1.0 - used_life) / life_in_cell
+                if used_life_after < 1.0:
+                    end = between(later.end, used_life_after * lives)
                 best = Outcome(gain, end)
     return best
 

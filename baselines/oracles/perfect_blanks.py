@@ -211,14 +211,14 @@ def _load(law: PowerLaw, limit: float, power: float = 1.0) -> Load:
 
 @compiled_entry
 def best_plan(blank, task, allowances, log_speeds, log_feeds):  # type: ignore[no-untyped-def]
-    """Return the cheapest plan, and set log speed and log feed of its passes.
+    """Return the cheapest ``Plan``, and set log speed and log feed of its passes.
 
     Args:
-        blank: blank and edge.
-        task: prices and laws.
+        blank: a ``Blank``, with its edge.
+        task: prices and laws, a ``Task``.
         allowances: allowances of the path that are compared [mm].
-        log_speeds: log cutting speeds to set, shape (passes_max,).
-        log_feeds: log feeds to set, likewise.
+        log_speeds: log cutting speeds to set [log m/min], shape (passes_max,).
+        log_feeds: log feeds to set [log mm/rev], likewise.
     """
     passes_max = len(log_speeds)
     speeds = np.empty(passes_max)
@@ -247,7 +247,10 @@ def best_plan(blank, task, allowances, log_speeds, log_feeds):  # type: ignore[n
 
 @compiled
 def cut_of_pass(blank, task, passes, allowance, number):  # type: ignore[no-untyped-def]
-    """Return a pass of a path; the first has the number 0 and cuts all above its floor."""
+    """Return the ``Cut`` of a pass; the first has the number 0 and cuts all above its floor.
+
+    The path has ``passes`` passes of one depth through an ``allowance`` [mm].
+    """
     pitch = allowance / passes
     floor = (passes - 1 - number) * pitch
     ceiling = np.inf if number == 0 else floor + pitch
@@ -273,7 +276,7 @@ def at_unit_set_point(load, log_depth, log_hardness):  # type: ignore[no-untyped
 
 @compiled
 def cheapest(cut, blank, task):  # type: ignore[no-untyped-def]
-    """Return the cheapest set point of a pass, by grids that narrow around the best point."""
+    """Return the cheapest ``SetPoint`` of a pass, by grids that narrow around the best point."""
     speed_low, speed_high = task.log_speeds
     feed_low, feed_high = task.log_feeds
     best = SetPoint(speed_low, feed_low, np.inf)
@@ -297,7 +300,7 @@ def cheapest(cut, blank, task):  # type: ignore[no-untyped-def]
 
 @compiled
 def cost_of_pass(cut, blank, task, log_speed, log_feed):  # type: ignore[no-untyped-def]
-    """Return the cost [min] of a pass with a set point."""
+    """Return the cost [min] of a pass at a set point [log m/min], [log mm/rev]."""
     force_factor = at_set_point(task.force, log_speed, log_feed)
     power_factor = at_set_point(task.power, log_speed, log_feed)
     highest = 0.0

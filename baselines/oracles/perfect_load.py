@@ -60,8 +60,8 @@ class Lags(NamedTuple):
     chip_share: float  # share of the distance to the load of a settled chip [-]
     sub_step: float  # [s]
     turns: float  # of the spindle [rev]
-    held: int  # sub-steps for which a command is held
-    braking: int  # sub-steps of braking after that
+    held_sub_steps: int  # for which a command is held
+    braking_sub_steps: int  # with the brake, after those
 
 
 class Feeds(NamedTuple):
@@ -184,8 +184,8 @@ def _lags(scenario: Scenario, cutting_speed: float) -> Lags:
         chip_share=float(lag_share(turns, machine.chip_lag)),
         sub_step=sub_step,
         turns=turns,
-        held=HELD_STEPS * control.sub_steps,
-        braking=int(BRAKING * longest / sub_step),
+        held_sub_steps=HELD_STEPS * control.sub_steps,
+        braking_sub_steps=int(BRAKING * longest / sub_step),
     )
 
 
@@ -215,13 +215,17 @@ def quickest_feeds(commands, cutting, cut, lags, feeds):  # type: ignore[no-unty
 
 @compiled
 def passes_reference(i, cut, lags, exponent, command, brake, rises):  # type: ignore[no-untyped-def]
-    """Return whether a load would pass its reference if a command were held and then the brake."""
+    """Return whether a load would pass its reference if a command were held and then the brake.
+
+    ``command`` and ``brake`` are feeds [mm/rev], ``exponent`` is that of the feed in the law of the
+    load, ``rises`` whether the load is below its reference now.
+    """
     sign = 1.0 if rises else -1.0
     feed = cut.feed[i]
     load = cut.load[i]
     path = 0.0
-    for k in range(lags.held + lags.braking):
-        commanded = command if k < lags.held else brake
+    for k in range(lags.held_sub_steps + lags.braking_sub_steps):
+        commanded = command if k < lags.held_sub_steps else brake
         feed += lags.servo_share * (commanded - feed)
         path += lags.turns * feed
         log_change = cut.growth[i] * (k + 1) * lags.sub_step + cut.gradient[i] * path

@@ -129,7 +129,7 @@ def test_candidates_find_the_law_that_made_the_returns() -> None:
         assert law["speed_heat"] == pytest.approx(0.8, abs=0.1)
         assert law["speed_grade"] == pytest.approx(-0.4, abs=0.1)
         assert abs(law.get("speed_other", 0.0)) < 0.1
-    assert grid.earned(constant) < grid.earned(best_law)
+    assert grid.mean_return_of_law(constant) < grid.mean_return_of_law(best_law)
     # Without numbers there is only one.
     assert list(candidates(grid, ())) == ["constant"]
 

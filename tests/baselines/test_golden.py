@@ -52,8 +52,12 @@ def actions(name: str, preset: str) -> list[list[float]]:
         family = Family.load(preset)
         job = family.job(0)
         scenario = job.scenario
-        own = tuned.on_family(family, name)
-        policy_spec = spec(name, scenario, own=own, numbers=[job.numbers])
+        policy_spec = spec(
+            name,
+            scenario,
+            further_parameters=tuned.on_family(family, name),
+            numbers=[job.numbers],
+        )
     else:
         scenario = Scenario.load(preset)
         policy_spec = spec(name, scenario)
