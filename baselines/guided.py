@@ -47,7 +47,7 @@ HISTORY = (
     "life_survived",  # the longest used life of an edge that did not break
     "wear_surprise",  # log ratio of the last edge's used life, as measured, to that expected
 )
-"""Names of the numbers that describe the edges before to a guide [-]."""
+"""Names of the numbers that describe earlier edges to a guide [-]."""
 _HISTORY = np.dtype([(name, np.float64) for name in HISTORY])
 _UNKNOWN = np.array((0.0, 1.0, 1.5, NO_HEAT, 0.0, 0.0), _HISTORY)  # at the start
 
@@ -171,7 +171,9 @@ class GuidedRule(SelfTuning):
         broke = fresh & ~edge["change_commanded"] & ended_early
         survived = fresh & ~broke
 
+        # The heat is a log speed; the measured wear corrects it, see ``_heat``.
         heat = edge["heat"] + law.wear / law.cutting_speed * surprise
+        # Broken edges are counted in thirds, so that the number is of order one.
         edges_broken = history["edges_broken"] + broke / 3.0
         history["edges_broken"] = np.minimum(edges_broken, 1.0)
         np.copyto(history["heat_at_breakage"], heat, where=broke)

@@ -88,14 +88,14 @@ class Predictive(Optimiser):
         # Behind this bar comes the approach to the next one, in air. A point is in metal if the
         # tool is, where it is expected or as early as it may be: entering a bar too fast costs an
         # edge.
-        left = pitch - column(self._filter.along)
-        cutting = (distance - left) % pitch >= approach
-        cutting |= (earlier - left) % pitch >= approach
-        entering = (distance >= left) | (earlier >= left + approach)
+        distance_left = pitch - column(self._filter.along)
+        cutting = (distance - distance_left) % pitch >= approach
+        cutting |= (earlier - distance_left) % pitch >= approach
+        entering = (distance >= distance_left) | (earlier >= distance_left + approach)
         measured = column(self._filter.memory["measured"] == 1)
         unmeasured = cutting & (entering | ~measured)
         return Ahead(
-            outlook=self._filter.outlook(np.minimum(distance, left), entering),
+            outlook=self._filter.outlook(np.minimum(distance, distance_left), entering),
             cutting=cutting.astype(np.float64),
             unmeasured=unmeasured.astype(np.float64),
         )

@@ -226,7 +226,11 @@ def _pairs(process: Process) -> list[Pair]:
 
 
 def _within_ranges(process: Process, lines: tuple[Line, Line], point: LogPoint) -> LogPoint:
-    """Apply step 1 of the module's description."""
+    """Return a rule's point within the machine's ranges; step 1 of the module's description.
+
+    Feed, then cutting speed, is clipped to its range; the other one is set to the highest that both
+    lines allow with it. Points are logarithms [log m/min], [log mm/rev].
+    """
     first, second = lines
     log_speed, log_feed = point
     slowest, fastest = log(process.cutting_speed_range)
@@ -247,7 +251,11 @@ def _within_ranges(process: Process, lines: tuple[Line, Line], point: LogPoint) 
 
 
 def _within_force_and_power(process: Process, lines: Lines, point: LogPoint) -> LogPoint:
-    """Apply step 2 of the module's description."""
+    """Return a point lowered until all lines allow it; step 2 of the module's description.
+
+    The feed is lowered first, then the cutting speed, down to the machine's lowest. Points are
+    logarithms [log m/min], [log mm/rev].
+    """
     log_speed, log_feed = point
     min_speed, _ = process.cutting_speed_range
     min_feed, _ = process.feed_range

@@ -321,10 +321,10 @@ def _under_ranked_name(spec: PolicySpec, path: Path, given: str | None, keep: bo
 def _distinct(
     loaded: Sequence[Submission], name: str | None, refused: Refusals | None
 ) -> list[PolicySpec]:
-    """Return agents of different labels.
+    """Return the agents that have labels of their own; refuse the others.
 
-    Agents of one name get that of their folder before it. Those that still have the same are
-    refused but the first.
+    If agents share a name and ``name`` is None, the folder's name is put before it. If agents still
+    share a label, all but the first are refused, see ``agents``.
     """
     clashing = clashing_names(loaded) if name is None else set()
     by_label: dict[str, Submission] = {}
@@ -416,7 +416,7 @@ def fitted(spec: PolicySpec, task: Task, forgets: bool = False) -> PolicySpec:
 
 
 def policy_of_code(source: str, task: Task, name: str | None = None) -> PolicySpec:
-    """Return a policy of one's own code, ``module:object``.
+    """Return the policy of a user's code, ``module:object``.
 
     See ``turning_env.scoring.adapt.as_factory``. It ranks among the agents, without a digest, as
     versions of the code cannot be distinguished. Without a ``name``, it has the object's. Raise

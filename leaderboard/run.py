@@ -251,16 +251,13 @@ def _admitted(run: TaskRun, replace_others: bool) -> tuple[TaskRun, list[ResultE
         if result is None or not is_of_another(result.policy, policy):
             policies.append(policy)
             continue
-        fault = f"{policy.label} in {run.folder} is the result of another agent, which"
+        conflict = f"{policy.label} in {run.folder} is the result of another agent"
         if replace_others:
-            notify_once(f"{fault} makes way")
+            notify_once(f"{conflict} and is replaced")
             policies.append(policy)
         else:
-            advice = (
-                "--replace lets this one take its place; --name, or another name of the file, "
-                "keeps both"
-            )
-            refused.append(ResultError(f"{fault} stands: {advice}"))
+            advice = "--replace replaces it; --name, or another name of the file, keeps both"
+            refused.append(ResultError(f"{conflict}: {advice}"))
     return dataclasses.replace(run, policies=policies), refused
 
 
@@ -280,8 +277,10 @@ def _finished(run: TaskRun) -> set[str]:
         if label not in policies:
             continue
         if (result.task.private is None) != (run.task.private is None):
-            whose = "public" if run.private else "private"
-            raise ResultError(f"{run.folder} holds {label} on {whose} seeds: change --results")
+            present_seeds = "public" if run.private else "private"
+            raise ResultError(
+                f"{run.folder} holds {label} on {present_seeds} seeds: change --results"
+            )
         # Code of one's own may have changed, so it plays again.
         if result.is_of(run.task, policies[label]) and not is_code(policies[label]):
             finished.add(label)

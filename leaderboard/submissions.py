@@ -87,7 +87,7 @@ def clashing_names(submissions: Sequence[Submission]) -> set[str]:
 
 
 def with_folder(submission: Submission) -> Submission:
-    """Return an agent with the name of its folder before its own.
+    """Return an agent called FOLDER_NAME, after its folder and its name.
 
     Raise ValueError if the folder's name cannot name a policy.
     """

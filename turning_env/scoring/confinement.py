@@ -78,7 +78,7 @@ def _limit_resources(memory: int, computing: int) -> bool:
     if computing:
         # The soft limit ends the process with a signal that says why.
         limits[resource.RLIMIT_CPU] = (computing, computing + 5)
-    taken = True
+    all_set = True
     for kind, (soft, hard) in limits.items():
         # A lower limit that the parent has cannot be raised, and need not be.
         _, allowed = resource.getrlimit(kind)
@@ -86,8 +86,8 @@ def _limit_resources(memory: int, computing: int) -> bool:
         try:
             resource.setrlimit(kind, (min(soft, highest), highest))
         except (ValueError, OSError):  # macOS has no limit of memory
-            taken = False
-    return taken
+            all_set = False
+    return all_set
 
 
 def _highest_descriptor() -> int:
