@@ -23,6 +23,8 @@ Mask = NDArray[np.bool_]
 MAX_LOAD = 3.0  # over its limit [-]
 MIN_FEED = 0.002  # in metal [mm/rev]
 MAX_FEED = 5.0  # in metal [mm/rev]
+SPEED_ROUNDING = 1e-6  # of spindle speeds at their limit [-]
+MIN_UNREACHED = 1000.0  # constant cutting speed from which it may be in rev/min [m/min]
 MAX_PARTS = 10_000.0  # per edge
 MIN_CHECKED_DEPTH = 3.0  # from which the depth of cut is compared with the diameter [mm]
 MIN_BACK_DEPTH = 1.0  # from which it counts that a tool's back cuts [mm]
@@ -108,6 +110,14 @@ def _check_cuts(situation: Situation, played: Play, findings: _Findings) -> None
         "high feed",
         on & (played.feed > MAX_FEED),
         text=f"the feed is above {MAX_FEED:g} mm/rev: is it in mm/min, G94 or G98?",
+    )
+    # No metal is cut at this speed: the spindle turns at its limit everywhere.
+    is_limited = played.spindle_speed >= (1.0 - SPEED_ROUNDING) * s.max_spindle
+    may_be_turns = on & s.constant_speed & (s.speed >= MIN_UNREACHED)
+    findings.add_slices(
+        "cutting speed",
+        may_be_turns & bool(is_limited[may_be_turns].all()),
+        text="the spindle never reaches the cutting speed: is it in rev/min, G97?",
     )
     findings.add_slices(
         "spindle stands",

@@ -364,6 +364,8 @@ def _law_warnings(fitted: Fit, measurements: Measurements, base: Scenario) -> It
                 f"{response}: rows at the same settings deviate together, so intervals are too "
                 "narrow: name edges in a column 'edge'; otherwise the law's form does not fit"
             )
+    if response == "power":
+        yield from _level_warning(fitted, base)
     for name in fitted.exponents:
         estimate = fitted.estimates[name]
         width = estimate.high - estimate.low
@@ -373,6 +375,27 @@ def _law_warnings(fitted: Fit, measurements: Measurements, base: Scenario) -> It
                 f"{response}: the exponent of {name} is hardly known, {known}: "
                 "vary it more, or read more edges"
             )
+
+
+def _level_warning(fitted: Fit, base: Scenario) -> Iterator[str]:
+    """Yield a warning if the power lies outside the width of the base's catalogue."""
+    evidence = read_evidence(base).laws.get("power")
+    if evidence is None or evidence.origin != "catalogue":
+        return
+    nominal_law = base.material.power
+    ratio = float(np.exp(np.median(np.log(fitted.measured / nominal_law(**fitted.factors)))))
+    deviations = evidence.log_deviation(nominal_law, fitted.factors, of_reading=False)
+    width = float(np.exp(evidence.quantile * np.median(deviations)))
+    if 1.0 / width <= ratio <= width:
+        return
+    if ratio < 1.0:
+        cause = "is cutting_speed in rev/min, or depth_of_cut taken on the diameter?"
+    else:
+        cause = "does it hold the idle power?"
+    yield (
+        f"power: {ratio:.2g} times that of the catalogue in the base, which is known to within a "
+        f"factor of {width:.2g}: another material, or {cause}"
+    )
 
 
 def summary(calibration: Calibration) -> Iterator[str]:

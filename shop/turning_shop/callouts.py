@@ -156,7 +156,8 @@ def _move_inside(text: Text, within: Bbox) -> None:
     above = np.maximum(np.asarray(area.max) - within.max, 0.0)
     transform = text.get_transform()
     place = transform.transform(text.get_position()) + below - above
-    text.set_position(transform.inverted().transform(place))
+    x, y = transform.inverted().transform(place)
+    text.set_position((float(x), float(y)))
 
 
 def _dpi(mark: Line2D) -> float:

@@ -100,6 +100,11 @@ UNITS = {
     "ratio": {"-": 1.0, "1": 1.0, "%": 0.01},
 }
 """Units of each dimension, in small letters, and their sizes."""
+CONVERSIONS = {
+    "cutting_speed": "a spindle speed n [rev/min] is pi d n / 1000 m/min at a diameter d [mm]",
+    "feed": "a feed in mm/min is first divided by the spindle speed [rev/min]",
+}
+"""How other quantities become these columns, for people."""
 TEMPERATURES = ("\N{DEGREE SIGN}c", "c", "k", "degc", "deg c", "\N{DEGREE SIGN}f", "grad c")
 """Units of temperatures, in small letters: no column holds any."""
 
@@ -357,6 +362,8 @@ def _not_understood(text: str, column: str, unit: str) -> str:
     likely = [name for name, other in COLUMNS.items() if _unit(unit) in _sizes(other.unit)]
     if likely:
         message += f"; is it {' or '.join(likely)}?"
+    elif column in CONVERSIONS:
+        message += f"; {CONVERSIONS[column]}"
     return message
 
 

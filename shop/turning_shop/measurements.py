@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from turning_shop import WorkshopError, regular_file
 from turning_shop.headers import (
     COLUMNS,
+    CONVERSIONS,
     EDGE,
     MAX_NUMBERS,
     NAMES,
@@ -463,7 +464,8 @@ def _unit_questions(headings: Sequence[Heading], rows: Sequence[Row]) -> Iterato
         first_unit = units[0] if units else "UNIT"
         likely = f", such as {' or '.join(units)}" if units else ""
         example = f"--unit {name}={first_unit}"
-        yield f"; is {name} in another unit{likely}? Then say it: {example}"
+        conversion = f"; {CONVERSIONS[name]}" if name in CONVERSIONS else ""
+        yield f"; is {name} in another unit{likely}? Then say it: {example}{conversion}"
 
 
 def _add_resultants(columns: dict[str, NDArray[np.float64]]) -> Iterator[str]:

@@ -416,6 +416,14 @@ IMPLAUSIBLE = {
         "bar:60x60",
         names={"load", "depth of cut", "high feed"},
     ),
+    "cutting speed in rev/min": Implausible(
+        f"G50 S2500\n{BAR.replace('G97 S800', 'G96 S2000')}G1 X56. F0.25\nZ-40.",
+        "bar:60x60",
+        names={"cutting speed"},
+    ),
+    "fast cut of aluminium": Implausible(
+        f"{BAR.replace('G97 S800', 'G96 S1000')}G1 X116. F0.1\nZ-40.", "bar:120x60", set()
+    ),
     "no M3": Implausible(
         f"{BAR.replace('M3', '')}G1 X56. F0.25\nZ-40.",
         "bar:60x60",

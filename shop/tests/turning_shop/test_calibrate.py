@@ -1,6 +1,7 @@
 """``python -m turning_env calibrate`` writes a scenario, or refuses the measurements."""
 
 import itertools
+import math
 from pathlib import Path
 
 import pytest
@@ -8,6 +9,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from turning_shop.fit import TYPICAL_EDGE_SPREAD
 from turning_shop.provenance import load
+from turning_shop.start import Question, Stock, job_of, toml_of
 from turning_shop.whatif import NO_LIMIT
 
 from tests.soundness.acting import tried
@@ -77,6 +79,23 @@ def test_spread_of_edges_is_written() -> None:
     # The standard deviation of the factors' logarithms.
     assert made.tool.wear_factor_spread == pytest.approx(0.079, abs=0.001)
     assert made.tool.wear_criterion == 0.4
+
+
+@pytest.mark.parametrize(("factor", "is_named"), [(1.0, False), (1000.0 / (100.0 * math.pi), True)])
+def test_a_power_beyond_the_catalogue_of_the_base_asks_for_the_unit(
+    factor: float, is_named: bool, capsys: pytest.CaptureFixture[str]
+) -> None:
+    stock = Stock(diameter=80.0, length=200.0)
+    job = job_of(Question("42CrMo4", "CNMG120408-PM", "P25", stock=stock, depth=2.0))
+    Path("start.toml").write_text(toml_of(job, Path("start.toml")))
+    header, *lines = Path(EXAMPLE).read_text("utf-8").splitlines()
+    rows = [header]
+    for line in lines:
+        speed, others = line.split(",", 1)
+        rows.append(f"{factor * float(speed)},{others}")
+    Path("cuts.csv").write_text("\n".join(rows))
+    assert calibrate("--base", "start.toml", measurements="cuts.csv") == 0
+    assert ("is cutting_speed in rev/min" in capsys.readouterr().err) == is_named
 
 
 def test_a_file_is_not_based_on_itself() -> None:

@@ -42,8 +42,14 @@ def reading(folder: Path, content: str | bytes) -> Path:
         ),
         pytest.param(
             GOOD.replace("feed", "f [mm/min]"),
-            "f .mm/min.*: feed in 'mm/min' is not understood: allowed are mm/rev",
+            "f .mm/min.*: feed in 'mm/min' is not understood: allowed are mm/rev.*"
+            "a feed in mm/min is first divided by the spindle speed",
             id="unit",
+        ),
+        pytest.param(
+            GOOD.replace("cutting_speed", "vc [rpm]"),
+            r"cutting_speed in 'rpm' is not understood.*pi d n / 1000 m/min",
+            id="spindle speed",
         ),
         pytest.param(
             GOOD.replace("wear", "ap"),
