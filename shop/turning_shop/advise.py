@@ -409,16 +409,16 @@ def _joint_bound(
     # An end belongs to them if the cut is out of reach with this end alone left as it is.
     binding = []
     for end in ends:
-        others = scenario
-        for other in ends:
-            if other != end:
-                others = _lifted(others, other)
-        if not _in_range(others, better.cuts):
+        without_others = scenario
+        for other_end in ends:
+            if other_end != end:
+                without_others = _lifted(without_others, other_end)
+        if not _in_range(without_others, better.cuts):
             binding.append(end)
     first, *others = binding
     joint = ""
-    for end in others:
-        joint += f", with {_named_value(scenario, end, best.cuts)}"
+    for other_end in others:
+        joint += f", with {_named_value(scenario, other_end, best.cuts)}"
     limit = _named_value(scenario, first, best.cuts)
     yield Bound(first.path, limit=limit, law="", without=better, joint=joint)
 
