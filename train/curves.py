@@ -219,6 +219,12 @@ def draw(algorithm_curves: Mapping[str, Curve], levels: Mapping[str, float]) -> 
         )
     figure = Figure(figsize=(style.DOUBLE, 4.4), layout="constrained")
     axes: Axes = figure.subplots()
+    # The first returns are far away: the scale is linear up to the decade of the final returns,
+    # and logarithmic beyond. It is set first, as margins follow from it.
+    largest = max(1e-3, *(abs(curve.mean[-1]) for curve in algorithm_curves.values()))
+    linear = 10.0 ** math.floor(math.log10(largest))
+    axes.set_yscale("symlog", linthresh=linear, subs=[2, 5])
+
     looks = style.policy_looks(algorithm_curves)
     for (name, curve), (colour, dashes) in zip(algorithm_curves.items(), looks, strict=True):
         seeds = "1 seed" if curve.seeds == 1 else f"{curve.seeds} seeds"
@@ -237,11 +243,6 @@ def draw(algorithm_curves: Mapping[str, Curve], levels: Mapping[str, float]) -> 
             color=style.GREY,
         )
 
-    # The first returns are far away: the scale is linear up to the decade of the final returns,
-    # and logarithmic beyond.
-    largest = max(1e-3, *(abs(curve.mean[-1]) for curve in algorithm_curves.values()))
-    linear = 10.0 ** math.floor(math.log10(largest))
-    axes.set_yscale("symlog", linthresh=linear, subs=[2, 5])
     axes.yaxis.set_major_formatter("{x:g}")
     axes.yaxis.set_minor_formatter("{x:g}")
     axes.set_ylabel(

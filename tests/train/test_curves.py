@@ -62,6 +62,14 @@ def test_seeds_are_averaged_where_their_curves_overlap(tmp_path: Path) -> None:
     np.testing.assert_allclose(single.low, single.high)
 
 
+def test_the_axis_of_returns_ends_near_the_curves() -> None:
+    training = curves.Training(first=0.0, last=100.0, mean_return=[-4000.0, -70.0])
+    figure = curves.draw(curves.curves({"ppo-seed0": training}), levels={})
+    low, high = figure.axes[0].get_ylim()
+    assert -8000.0 < low < -4000.0
+    assert -70.0 < high < 0.0
+
+
 def test_a_file_of_curves_draws_the_same_picture_and_takes_further_trainings(
     tmp_path: Path,
 ) -> None:
