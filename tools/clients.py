@@ -24,7 +24,8 @@ from tools.wheel import ROOT, built, new_python
 from turning_env.console import described, exits
 from turning_env.files import replace_file
 
-MAX_INSTALL, MAX_RUN = 1800.0, 900.0  # time limit of the installation, and of the recipe [s]
+MAX_INSTALL = 1800.0  # time limit of the installation [s]
+MAX_RUN = 900.0  # time limit of the recipe [s]
 VERSIONS = """
 import json, sys
 from importlib.metadata import version

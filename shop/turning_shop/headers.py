@@ -315,7 +315,8 @@ def _split(text: str) -> _Parts:
 
     # The unit may follow after a gap, as in "ap_mm", "VB in mm", "P kW" and "time, s".
     for gap in _GAP.finditer(text):
-        name, unit = text[: gap.start()], text[gap.end() :]
+        name = text[: gap.start()]
+        unit = text[gap.end() :]
         column = _column(name)
         if column is None or column == EDGE:
             continue

@@ -200,7 +200,8 @@ def _check_size(parts: zipfile.ZipFile) -> None:
         unpacked > MAX_BYTES
         or sum(parts.read(part).count(b"<") for part in parts.infolist()) > MAX_TAGS
     ):
-        megabytes, millions = MAX_BYTES // 10**6, MAX_TAGS // 10**6
+        megabytes = MAX_BYTES // 10**6
+        millions = MAX_TAGS // 10**6
         raise ValueError(
             f"at most {megabytes} MB and {millions} million tags are read: save it as CSV"
         )

@@ -153,7 +153,8 @@ def test_two_runs_of_the_leaderboard_into_one_folder_lose_nothing(tmp_path: Path
     here, expected = (
         result_folder(tmp_path / name, ENV_ID, task.scenario.name) for name in ("two", "one")
     )
-    second, third = spec("second", (0.0, 0.2)), spec("third", (0.0, 0.3))
+    second = spec("second", (0.0, 0.2))
+    third = spec("third", (0.0, 0.3))
     recording = 0
 
     def make(num_envs: int) -> Steady:

@@ -55,7 +55,8 @@ time.sleep({2 * MAX_SECONDS})
 
 @pytest.mark.slow
 def test_processes_end_though_who_started_them_is_killed(tmp_path: Path) -> None:
-    program, mark = tmp_path / "long.py", tmp_path / "long.number"
+    program = tmp_path / "long.py"
+    mark = tmp_path / "long.number"
     program.write_text(LONG)
     with subprocess.Popen(
         [sys.executable, "-c", PARENT, str(program)], cwd=ROOT, stderr=subprocess.DEVNULL

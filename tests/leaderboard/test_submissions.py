@@ -108,7 +108,8 @@ def test_a_result_is_named_after_the_file_and_not_after_what_the_file_states(
     assert main([*words, str(thief), str(rival)]) == 0
     assert (folder / "rival-seed0.json.xz").read_bytes() == before
     policy = only(folder / "thief-seed4.json.xz").policy
-    assert (policy.name, policy.training_seed) == ("thief", 4)
+    assert policy.name == "thief"
+    assert policy.training_seed == 4
     assert "rival" in policy.description
 
 

@@ -29,7 +29,8 @@ from turning_env.scoring.policy import PolicySpec
 
 RULE = "fixed_handbook"
 SHORT = onnx_agents.SCENARIO
-EVERYTHING, ONE_RULE = Selection(), Selection(scenario="short", policies=[RULE])
+EVERYTHING = Selection()
+ONE_RULE = Selection(scenario="short", policies=[RULE])
 
 
 def fill(folder: Path, task: Task, policies: Sequence[PolicySpec]) -> None:

@@ -13,7 +13,8 @@ from tests.turning_env.test_family_env import BRIEF, BRIEF_FAMILY
 from turning_env import FAMILY_ID, Scenario
 
 AGENT = "agents/RoughTurning-v0/rough_turning/ppo-seed0.onnx"
-HEIGHT, WIDTH = 670, 960
+HEIGHT = 670
+WIDTH = 960
 GAP = 8  # between two pictures
 
 

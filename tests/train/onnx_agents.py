@@ -28,7 +28,8 @@ class Remembering(torch.nn.Module):
 
     def __init__(self) -> None:
         super().__init__()
-        self.cell, self.head = torch.nn.Linear(11 + 7, 7), torch.nn.Linear(7, 2)
+        self.cell = torch.nn.Linear(11 + 7, 7)
+        self.head = torch.nn.Linear(7, 2)
 
     def forward(
         self, observation: torch.Tensor, memory: torch.Tensor

@@ -73,7 +73,8 @@ def test_the_axis_of_returns_ends_near_the_curves() -> None:
 def test_a_file_of_curves_draws_the_same_picture_and_takes_further_trainings(
     tmp_path: Path,
 ) -> None:
-    file, pictures = tmp_path / curves.FILE, [tmp_path / "runs.svg", tmp_path / "file.svg"]
+    file = tmp_path / curves.FILE
+    pictures = [tmp_path / "runs.svg", tmp_path / "file.svg"]
     folders = [str(a_run(tmp_path, seed, line(-1.0 - seed / 3.0))) for seed in (0, 1)]
     assert curves.main([*folders, "--out", str(file)]) == 0
     for sources, picture in zip((folders, [str(file)]), pictures, strict=True):
@@ -150,6 +151,8 @@ def test_curves_of_guides_are_over_environment_steps(tmp_path: Path) -> None:
     guide = replace(run, parameters=run.parameters | {"guide": True})
     plain = curves.Training.of(run)
     guided = curves.Training.of(guide)
-    assert (plain.first, plain.last) == (0.0, 100.0)
-    assert (guided.first, guided.last) == (0.0, 100.0 * HOLD)
+    assert plain.first == 0.0
+    assert plain.last == 100.0
+    assert guided.first == 0.0
+    assert guided.last == 100.0 * HOLD
     assert guided.mean_return == plain.mean_return

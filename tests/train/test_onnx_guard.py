@@ -126,7 +126,8 @@ def test_what_looks_at_other_environments_is_refused(
 
 @pytest.mark.slow
 def test_actions_out_of_bounds_are_refused_while_playing() -> None:
-    policy, given = guarded(onnx_agents.named("unbounded"), 2), observations(1, 2)[0]
+    policy = guarded(onnx_agents.named("unbounded"), 2)
+    given = observations(1, 2)[0]
     policy.act(given)
     with pytest.raises(
         ValueError, match=r"acts \[\[.*2.97.*\]\], which are not 2 actions of 2 numbers in -1 to 1"

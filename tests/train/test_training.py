@@ -207,7 +207,8 @@ def test_an_agent_with_a_belief_plays_alike_from_its_run_and_from_its_file(tmp_p
     train(run, PPO)
     assert export.main([str(run.folder), "--out", str(tmp_path)]) == 0
     agent = onnx_policy.load(next(tmp_path.glob("*.onnx")))
-    seeds, split = range(3), training.VALIDATION
+    seeds = range(3)
+    split = training.VALIDATION
     make = informed(agent, [family.job(seed, split).scenario for seed in seeds])
     expected = training.play_agent(run.folder, 1)["return"]
     np.testing.assert_allclose(
@@ -218,7 +219,8 @@ def test_an_agent_with_a_belief_plays_alike_from_its_run_and_from_its_file(tmp_p
 def test_a_finished_training_is_not_repeated_and_one_with_other_settings_left_alone(
     tmp_path: Path, capsys
 ) -> None:
-    algorithm, few = ALGORITHMS["sac"], {"buffer_size": 100_000, "total_timesteps": 64}
+    algorithm = ALGORITHMS["sac"]
+    few = {"buffer_size": 100_000, "total_timesteps": 64}
     run = small_run(algorithm, tmp_path, **few)
     with pytest.raises(
         ValueError, match="frames is 0"

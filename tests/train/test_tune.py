@@ -44,7 +44,8 @@ def test_an_interrupted_search_finds_what_it_would_have(
     def interrupted(task: tune.Task, setting: dict[str, Any]) -> Played:
         raise KeyboardInterrupt
 
-    undisturbed, again = search(tmp_path, 10), tmp_path / "again"
+    undisturbed = search(tmp_path, 10)
+    again = tmp_path / "again"
     expected = capsys.readouterr().err
     search(again, 4)
     with pytest.raises(KeyboardInterrupt):

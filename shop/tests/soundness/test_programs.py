@@ -73,7 +73,8 @@ def assert_finite(value: Any) -> None:
 @given(st.randoms(use_true_random=False))
 def test_a_program_is_played_with_finite_numbers_or_refused(random: Random) -> None:
     text = any_program(random)
-    go_on, adapted = random.random() < 0.3, random.random() < 0.1
+    go_on = random.random() < 0.3
+    adapted = random.random() < 0.1
     results = attempt(text, random.choice(STOCKS), random.choice(TOOLS), go_on, adapted)
     assert_finite(results)
     json.dumps(results, allow_nan=False)

@@ -75,12 +75,15 @@ def times(count: int) -> Callable[[], bool]:
 def test_the_status_and_named_pins_are_read_in_the_units_of_the_record(python: str) -> None:
     source = LinuxCncSource(0.01, {"spindle_power": "drive.power-kw"}, python=python)
     first, *_ = source.samples(None, times(3))
-    assert (first.spindle_speed, first.spindle_override) == (900.0, 90.0)
+    assert first.spindle_speed == 900.0
+    assert first.spindle_override == 90.0
     assert first.feed_rate == pytest.approx(60 * 0.15 * 25.4)
     assert first.diameter == pytest.approx(50.8)  # a radius of an inch from the work's zero
     assert first.z == pytest.approx(-25.4)
     assert first.spindle_power == 4.25
-    assert (first.running, first.tool, first.gap) == (1.0, "7", "")
+    assert first.running == 1.0
+    assert first.tool == "7"
+    assert first.gap == ""
 
 
 def test_the_end_of_linuxcnc_is_a_lost_connection(python: str) -> None:

@@ -81,13 +81,17 @@ def test_items_are_found_by_their_types_and_read_in_the_units_of_the_record(agen
             },
         )
         (cutting,) = read(url, at_rest)
-    assert (at_rest.x, at_rest.z_load, at_rest.running) == (40.5, 5.0, 0.0)
+    assert at_rest.x == 40.5
+    assert at_rest.z_load == 5.0
+    assert at_rest.running == 0.0
     assert math.isnan(at_rest.x_load)  # it is unavailable
     assert math.isnan(at_rest.rapid_override)  # the machine has none
     assert cutting.spindle_speed == 900.0
     assert cutting.spindle_power == pytest.approx(4.321)
     assert cutting.feed_rate == pytest.approx(225.0)
-    assert (cutting.running, cutting.tool, cutting.x) == (1.0, "3", 40.5)
+    assert cutting.running == 1.0
+    assert cutting.tool == "3"
+    assert cutting.x == 40.5
     assert (cutting.time - at_rest.time).total_seconds() == 2.0
 
 

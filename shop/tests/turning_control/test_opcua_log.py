@@ -120,10 +120,15 @@ def test_quantities_are_found_by_browse_names_and_nothing_is_written(server: Ser
     lines = source(server).found()
     assert sample.spindle_power == pytest.approx(4.321)  # W, where no unit is stated
     assert sample.feed_rate == pytest.approx(225.0)  # stated in mm/s
-    assert (sample.spindle_speed, sample.spindle_load) == (900.0, 33.0)
-    assert (sample.x_load, sample.z_load, sample.x) == (11.0, 22.0, 40.5)
-    assert (sample.feed_override, sample.spindle_override) == (80.0, 95.0)
-    assert (sample.running, sample.tool) == (1.0, "3")
+    assert sample.spindle_speed == 900.0
+    assert sample.spindle_load == 33.0
+    assert sample.x_load == 11.0
+    assert sample.z_load == 22.0
+    assert sample.x == 40.5
+    assert sample.feed_override == 80.0
+    assert sample.spindle_override == 95.0
+    assert sample.running == 1.0
+    assert sample.tool == "3"
     assert any("S1/ActPower" in line and "W" in line for line in lines)
     assert len(server.requests) == before
 

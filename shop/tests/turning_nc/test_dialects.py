@@ -265,14 +265,17 @@ def test_words_beside_a_dwell_act(dwell: str, seconds: float) -> None:
     assert [move.time for move in made if move.kind == "dwell"] == [pytest.approx(seconds)]
     assert made[0].kind == "dwell"
     last = Effect.of(made[-1])
-    assert (last.tool, last.speed, last.feed) == ("T0303", 800.0, 0.3)
+    assert last.tool == "T0303"
+    assert last.speed == 800.0
+    assert last.feed == 0.3
     assert last.spindle_on
 
 
 @pytest.mark.parametrize(("dwell", "seconds"), DWELLS)
 def test_the_end_beside_a_dwell_acts(dwell: str, seconds: float) -> None:
     last = effects(f"{BAR}G1 X56. F0.2\n{dwell} M30\nZ-5.")[-1]
-    assert (last.kind, last.time) == ("dwell", pytest.approx(seconds))
+    assert last.kind == "dwell"
+    assert last.time == pytest.approx(seconds)
 
 
 def test_a_dwell_of_linuxcnc_is_in_seconds_and_stands_before_a_move() -> None:

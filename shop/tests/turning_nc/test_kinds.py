@@ -143,8 +143,10 @@ def test_a_groove_in_a_face_is_as_wide_as_its_tool_and_its_shift(
     stock = read_stock("bar:60x40")
     removal = remove(moves(FACE_GROOVE), stock, {"T0303": kind})
     low_z, low_x, high_z, high_x = stock.difference(removal.part).bounds
-    assert (low_z, high_z) == (-6.0, 0.0)
-    assert (low_x, high_x) == (inner, outer)
+    assert low_z == -6.0
+    assert high_z == 0.0
+    assert low_x == inner
+    assert high_x == outer
     # The second plunge has 2 mm left.
     assert removal.slices.depth.max() == pytest.approx(4.0)
     assert removal.gouged == {}

@@ -656,11 +656,12 @@ def test_the_figure_is_in_the_units_of_the_output() -> None:
     metric = draw(situation, played, title="part").axes[0]
     inch = draw(situation, played, title="part", units=INCH).axes[0]
     assert inch.get_xlabel() == "Z [in]"
-    for name in ("get_xlim", "get_ylim"):
-        ends = np.array(getattr(inch, name)())
-        assert 25.4 * ends == pytest.approx(np.array(getattr(metric, name)()))
-    (passes, _), (inch_passes, _) = metric.collections, inch.collections
-    for metric_segment, segment in zip(
-        passes.get_segments(), inch_passes.get_segments(), strict=True
-    ):
-        assert 25.4 * segment == pytest.approx(metric_segment)
+    assert 25.4 * np.array(inch.get_xlim()) == pytest.approx(np.array(metric.get_xlim()))
+    assert 25.4 * np.array(inch.get_ylim()) == pytest.approx(np.array(metric.get_ylim()))
+    passes, _ = metric.collections
+    inch_passes, _ = inch.collections
+    segments = passes.get_segments()
+    inch_segments = inch_passes.get_segments()
+    assert segments
+    for segment, inch_segment in zip(segments, inch_segments, strict=True):
+        assert 25.4 * inch_segment == pytest.approx(segment)

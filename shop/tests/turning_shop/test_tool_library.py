@@ -68,21 +68,27 @@ def written(folder: Path, name: str, text: str) -> Path:
 def test_a_table_tells_tools_by_names_or_symbols_and_designations_fill_in(tmp_path: Path) -> None:
     text = "Insert;Grade;vc [m/min];f;RE\nCNMG120408-PM;P25;168;0,4;\nOwn-1;;;;1,2\n"
     standard, own = read_tools(written(tmp_path, "tools.csv", text))
-    assert (standard.cutting_speed, standard.feed, standard.nose_radius) == (168.0, 0.4, 0.8)
+    assert standard.cutting_speed == 168.0
+    assert standard.feed == 0.4
+    assert standard.nose_radius == 0.8
     assert standard.edge_length == pytest.approx(12.9, abs=0.01)
-    assert (own.designation, own.nose_radius) == ("Own-1", 1.2)
+    assert own.designation == "Own-1"
+    assert own.nose_radius == 1.2
     assert math.isnan(own.edge_length)
 
 
 def test_a_tool_bit_of_freecad_is_read(tmp_path: Path) -> None:
     (tool,) = read_tools(written(tmp_path, "c.fctb", json.dumps(TOOLBIT)))
-    assert (tool.designation, tool.nose_radius, tool.edge_length) == ("CCMT060204", 0.4, 6.45)
+    assert tool.designation == "CCMT060204"
+    assert tool.nose_radius == 0.4
+    assert tool.edge_length == 6.45
 
 
 def test_a_p21_file_is_read(tmp_path: Path) -> None:
     text = P21.replace("RADIUS", "0.7938")
     (tool,) = read_tools(written(tmp_path, "insert.p21", text))
-    assert (tool.designation, tool.grade) == ("CNMG120408-PM", "4325 (P25)")
+    assert tool.designation == "CNMG120408-PM"
+    assert tool.grade == "4325 (P25)"
     assert tool.nose_radius == 0.7938
     inches = text.replace("0.7938", "0.03125").replace("UNIT('mm'", "UNIT('in'")
     (tool,) = read_tools(written(tmp_path, "inch.p21", inches))

@@ -247,7 +247,8 @@ def test_any_file_name_and_a_byte_order_mark_will_do(file_name, name, tmp_path):
     path = tmp_path / file_name
     path.write_bytes(b"\xef\xbb\xbf[limits]\r\npower = 9\r\n")
     scenario = Scenario.load(path)
-    assert (scenario.name, scenario.limits.power) == (name, 9.0)
+    assert scenario.name == name
+    assert scenario.limits.power == 9.0
     assert RoughTurningEnv(path).scenario == scenario
 
 
