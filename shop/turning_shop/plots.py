@@ -176,7 +176,16 @@ def draw_map_on(
     )
     callouts = draw_marks(axes, marks, scenario.tool.nose_radius, units=units)
     if not kept.any():
-        axes.set_title("nowhere within limits", loc="right", fontsize="medium", color=VERMILLION)
+        # Beside the title, which may fill the line, it would cover text.
+        axes.text(
+            0.5,
+            0.5,
+            "nowhere within limits",
+            transform=axes.transAxes,
+            horizontalalignment="center",
+            color=VERMILLION,
+            bbox={"facecolor": "white", "edgecolor": "none", "pad": 2.0},
+        )
 
     axes.set(
         xlabel=f"cutting speed [{units.name('m/min')}]",

@@ -188,6 +188,12 @@ def test_one_mark_shows_the_advised_cut_that_also_removes_most() -> None:
     assert place == pytest.approx((float(plan.cuts.cutting_speed), float(plan.cuts.feed)))
 
 
+def test_a_map_without_an_allowed_cut_says_so_in_the_map() -> None:
+    scenario = Scenario.load({"limits": {"power": 0.1}})
+    axes = draw_map(scenario, Evidence(), wear=0.2).axes[0]
+    assert "nowhere within limits" in [text.get_text() for text in axes.texts]
+
+
 def test_no_edge_of_the_map_cuts_off_a_tool_life() -> None:
     figure = draw_map(BASE, Evidence(), wear=0.2)
     figure.draw_without_rendering()
