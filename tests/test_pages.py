@@ -75,6 +75,8 @@ SMALLER = {
     "python -m leaderboard run --agents": Smaller(
         "--policies fixed_tuned grid_search --scenario short.toml"
     ),
+    # The oracle takes seconds to compile.
+    "python -m leaderboard run --policy team1": Smaller(replaced={"causal": "idle"}),
     "python -m leaderboard run": Smaller("--seeds 2"),
     "python -m turning_env score": Smaller("--seeds 2"),
     # The page is of the agent: a rule that acts at once can play beside it.
