@@ -29,7 +29,12 @@ from turning_env.physics.quantities import OBS
 from turning_env.scenario.family import DrawnJobs, Family, Job, families
 from turning_env.scenario.plan import features, plan_of
 from turning_env.scenario.scenario_batch import ScenarioBatch
-from turning_env.scoring.comparators import CAUSAL, NOMINAL_OPTIMUM, NOMINAL_SHARE
+from turning_env.scoring.comparators import (
+    CAUSAL,
+    NOMINAL_CHANGE_WEAR,
+    NOMINAL_OPTIMUM,
+    NOMINAL_SHARE,
+)
 from turning_env.scoring.play import EPISODE_FIELDS, Episodes, play, play_family
 from turning_env.scoring.policy import (
     Actions,
@@ -47,7 +52,6 @@ POLICIES = (NOMINAL_OPTIMUM, NOMINAL_SHARE, *VARIED, CAUSAL)
 KNOWN_FORMS = "known_forms"
 """The oracle of the forms, on families that hide some (``baselines/oracles/known_forms.py``)."""
 BATCH = 64  # jobs that are played together
-CHANGE_WEAR = 0.95  # nominal wear over the criterion at which FixedNominalOptimum changes the edge
 
 
 class SetPointShares(NamedTuple):
@@ -411,7 +415,7 @@ class FixedNominalOptimum(Policy):
     def act(self, observations: Observations) -> Actions:
         """Return the actions, shape (num_envs, 3), for observations, shape (num_envs, entries)."""
         reading = read(observations, self._scenarios)
-        change = reading.nominal_wear >= CHANGE_WEAR * self._scenarios.tool.wear_criterion
+        change = reading.nominal_wear >= NOMINAL_CHANGE_WEAR * self._scenarios.tool.wear_criterion
         return towards(
             reading,
             self._scenarios,

@@ -6,7 +6,9 @@ The action is W x + c, clipped, with the observation x. An evolution strategy se
 of W and c: it plays whole episodes with each candidate and keeps the mean and covariance of those
 that return most (Hansen 2016, "The CMA evolution strategy: a tutorial", arXiv 1604.00772; library:
 cmaes). There is neither a network nor a gradient, so a learner that does not return more has
-learned nothing that its task needs a network for.
+learned nothing that its task needs a network for. The search starts at a fixed speed and feed: with
+W = 0 at those of the program, on a family at the nominal optimum of each job
+(``train/linear_start.py``).
 
 All candidates of a generation play the same episodes, so that luck decides little between them. The
 agent is the mean of the last generation. The same command resumes an interrupted training, and does
@@ -31,6 +33,7 @@ from stable_baselines3.common.vec_env import VecEnv
 from torch.nn.utils import parameters_to_vector, vector_to_parameters
 
 from train.actor import Feedforward
+from train.linear_start import nominal_optimum
 from train.run import Run
 from train.training import SEED_STRIDE, Algorithm, command_line
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
@@ -54,6 +57,11 @@ class LinearPolicy(BasePolicy):
         self.action_net = torch.nn.Linear(observation_space.shape[0], action_space.shape[0])
         torch.nn.init.zeros_(self.action_net.weight)
         torch.nn.init.zeros_(self.action_net.bias)
+
+    def set_weights(self, matrix: Array, constants: Array) -> None:
+        """Set W, shape (actions, entries), and c, shape (actions,)."""
+        self.action_net.weight.data = torch.from_numpy(matrix).float()
+        self.action_net.bias.data = torch.from_numpy(constants).float()
 
     def _predict(self, observation: Any, deterministic: bool = False) -> torch.Tensor:
         actions: torch.Tensor = self.action_net(observation).clamp(-1.0, 1.0)
@@ -193,7 +201,7 @@ def new_model(run: Run, vec_env: VecEnv) -> LinearCmaEs:
             f"num_envs is {p['num_envs']}, "
             f"but must be a multiple of population_size, {p['population_size']}"
         )
-    return LinearCmaEs(
+    model = LinearCmaEs(
         LinearPolicy,
         vec_env,
         population_size=p["population_size"],
@@ -203,6 +211,23 @@ def new_model(run: Run, vec_env: VecEnv) -> LinearCmaEs:
         tensorboard_log=str(run.folder / "tensorboard"),
         seed=run.seed,
     )
+    if starts_at_nominal_optimum(run):
+        assert run.family is not None
+        model.policy.set_weights(*nominal_optimum(run.family))
+    return model
+
+
+def starts_at_nominal_optimum(run: Run) -> bool:
+    """Return whether the search starts at the nominal optimum of a family's jobs.
+
+    It does if actions are incremental, the agent sees the context behind a plain observation, and
+    no other start is stated.
+    """
+    p = run.parameters
+    sees_context = run.family is not None and not p["hides_context"]
+    plain = not p["belief"] and p["frames"] == 1
+    is_stated = bool(p.get("initial_actions"))
+    return sees_context and plain and not is_stated and run.scenario.control.action == "incremental"
 
 
 def network(policy: LinearPolicy) -> Feedforward:
