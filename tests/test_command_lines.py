@@ -465,7 +465,7 @@ EXPLAINED = [
     Mistake(
         "turning_env advise",
         "--material P6 --tool CNMG120408 --grade P25 --stock 80x200 --depth 2cm",
-        "'2cm' is no length: give mm, such as 2, or inch, such as 0.08in",
+        "'2cm' is no length: give mm, such as 2.5, or inch, such as 0.08in; decimals have a point",
     ),
     Mistake(
         "turning_control log",
