@@ -23,6 +23,7 @@ class Linear(Policy):
         return np.clip(actions, -1.0, 1.0).astype(np.float32)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["shop", "unmodelled", "unmodelled2"])
 def test_the_start_plays_the_nominal_optimum_of_each_job(name: str) -> None:
     """As the rule that knows it: jobs of another split than those on which it is fitted."""
