@@ -139,7 +139,7 @@ DOORS = (
     learned_in_a_batch,
     taken_by_torchrl,
     scored,
-    recorded_for_minari,
+    pytest.param(recorded_for_minari, marks=pytest.mark.slow),
     pytest.param(trained_exported_and_ranked, marks=pytest.mark.slow),
 )
 

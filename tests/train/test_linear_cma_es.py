@@ -26,6 +26,7 @@ def test_candidates_play_the_same_episodes() -> None:
     assert len(np.unique(observations[:3], axis=0)) == 3
 
 
+@pytest.mark.slow
 def test_the_search_finds_a_better_policy(tmp_path: Path) -> None:
     """The first generation is about as good as no action; the last is better."""
     run = small_run(
@@ -55,6 +56,7 @@ def test_environments_must_be_a_multiple_of_candidates(tmp_path: Path) -> None:
         new_model(run, ALGORITHM)
 
 
+@pytest.mark.slow
 def test_a_search_on_a_family_starts_at_the_nominal_optimum(tmp_path: Path) -> None:
     shop = Family.load("shop")
     run = small_run(ALGORITHM, tmp_path, shop, FAMILY_ID)

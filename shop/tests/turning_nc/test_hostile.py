@@ -207,6 +207,7 @@ BLANKS = " " * (MAX_CHARACTERS - 50)
 MAX_READING = 10.0  # processor time for any of these texts [s]; each takes below 2 s
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "text",
     [

@@ -145,6 +145,7 @@ def test_sentence_table_and_json_of_the_advice_have_the_same_numbers(walk: Walk)
     assert f"{advice['cost']:.2f}" in row
 
 
+@pytest.mark.slow
 def test_page_and_drawing_say_what_the_text_says(walk: Walk) -> None:
     scenario, evidence = load(walk.folder / "priced.toml")
     advice = advise(scenario, evidence)

@@ -45,6 +45,7 @@ def test_numbers_are_short(value: float, text: str) -> None:
     assert short(value) == text
 
 
+@pytest.mark.slow
 def test_no_metric_unit_is_left_and_json_is_metric(capsys: pytest.CaptureFixture[str]) -> None:
     command = ["advise", *JOB, "--units", "inch"]
     assert main([*command, "--stock", "80x200"]) == 0
@@ -73,6 +74,7 @@ def test_a_table_has_the_same_cuts(capsys: pytest.CaptureFixture[str]) -> None:
     assert "thrust" in heads
 
 
+@pytest.mark.slow
 def test_the_map_has_inch_axes_and_the_same_best_cut() -> None:
     scenario = Scenario()
     metric = draw_map(scenario, Evidence(), wear=0.2)

@@ -207,6 +207,7 @@ def test_no_edge_of_the_map_cuts_off_a_tool_life() -> None:
         assert within.contains(*area.max)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("preset", ["rough_turning", "forging", "override"])
 def test_callouts_cover_no_label_and_no_mark(preset: str) -> None:
     scenario = Scenario.load(preset)

@@ -480,6 +480,7 @@ def test_a_normalised_model_is_scored_with_its_statistics_or_refused(tmp_path: P
     assert returns_of(PPO.load(tmp_path / "mine.zip", env=loaded)) == returns
 
 
+@pytest.mark.slow
 def test_the_policy_of_a_model_plays_on_plain_observations_with_a_notice() -> None:
     model = PPO(
         "MlpPolicy",
