@@ -3,8 +3,8 @@
 It commands the speed and feed that are best by the job's nominal model, and changes the edge when
 it is worn by that model, as ``fixed_nominal_optimum`` does. Observations show commands by their
 place in the machine's range of logarithms, -1 at the low end and 1 at the high one. There, the
-optimum x* is linear in the context, so least squares on training jobs finds it. An action moves a
-command x by s, so that x* is reached with
+optimum x* is linear in the context, so least squares on training jobs finds it. An action of 1
+moves a command x by s, so x* is reached with
 
     action = (x* - x) / s
 """

@@ -21,7 +21,7 @@ ACTIONS = st.lists(st.tuples(FACTORS, FACTORS), min_size=1, max_size=6)
 
 
 class Step(NamedTuple):
-    """What a step returns; of a reset, the reward is 0."""
+    """The outcome of a step; the reward of a reset is 0."""
 
     reward: float
     info: dict[str, Any]

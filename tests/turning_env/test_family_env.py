@@ -29,7 +29,7 @@ def random_actions():
 
 
 class Answer(NamedTuple):
-    """What a step of a batch returns."""
+    """The outcome of a step of a batch."""
 
     observations: np.ndarray
     rewards: np.ndarray
