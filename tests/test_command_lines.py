@@ -152,16 +152,6 @@ MISTAKES = {
         ". --out made",
         "nothing",
     ],
-    "turning_nc.export_law": [
-        "nothing",
-    ],
-    "turning_nc.export_law law": [
-        "--rule nobody --out made.mpf",
-    ],
-    "turning_nc.export_law check": [
-        "nothing.mpf",
-        ".",
-    ],
     "leaderboard": [
         "nothing",
     ],
@@ -371,16 +361,6 @@ EXPLAINED = [
         "train.ppo",
         "--set \"net_arch=[1, 'x']\"",
         "net_arch is 'x', but",
-    ),
-    Mistake(
-        "turning_nc.export_law law",
-        "--rule one_line_law --tuning-seed -1 --out made.mpf",
-        "--tuning-seed is -1",
-    ),
-    Mistake(
-        "turning_nc.export_law law",
-        "--rule tmac --out made.mpf",
-        "those that can are one_line_law",
     ),
     Mistake(
         "baselines.tune",

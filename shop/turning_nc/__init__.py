@@ -1,9 +1,7 @@
 """Part programs for a lathe's control: read, play, adapt and write them.
 
 ``dialects`` (data), ``words``, ``modal`` and ``moves`` read every program. ``stock``, ``removal``,
-``cutting``, ``report`` and ``adapt`` play and adapt the programs of users. ``program``, ``law`` and
-``simulate`` write and play the project's own.
-Policies come from the caller, as in ``shop/turning_nc/export_law.py``.
+``cutting``, ``report`` and ``adapt`` play and adapt them.
 
 Importing this package registers ``PROGRAM_ID``. Make the environment by
 ``gymnasium.make("turning_nc:RoughTurning-Program-v1", program="part.mpf")``.

@@ -11,7 +11,6 @@ from dataclasses import dataclass, field, replace
 from typing import Literal, NamedTuple
 
 from turning_nc.cycles import CycleState, Side
-from turning_nc.law import Law
 from turning_nc.modal import HOME, Modal, Setting, within_reach
 from turning_nc.paths import MIN_LENGTH, Corner, Path, Point, break_corner
 from turning_nc.places import Places
@@ -68,7 +67,6 @@ class Control(Modal, ABC):
 
     moves: list[Move] = field(default_factory=list)
     has_moved: bool = False  # whether a move is no dwell
-    law: Law = field(default_factory=Law)
 
     # Why words are not understood.
     problems: dict[ProblemPlace, list[str]] = field(default_factory=dict)

@@ -176,7 +176,7 @@ SINUMERIK = Dialect(
     system="",
     word=re.compile(
         rf"""
-        (?P<law>ID=.*) |
+        (?P<synchronized>ID=.*) |
         (?P<letter>[A-Z])\s*(?P<number>(?:[+-]\s*)?(?:\d+(?:\.\d*)?|\.\d+))(?!\s*=|[_(\d.]) |
         (?P<name>[A-Z_][A-Z_0-9]*|\$[A-Z_]+(?:\[\w+\])?)
         (?:

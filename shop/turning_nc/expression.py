@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from types import CodeType
 
-# With 12 decimals, the error of a cubic term is at most 4e-6 at a load of 200 %.
 DECIMALS = 12
 MAX_LENGTH = 500  # characters of an expression; a block of a control has fewer
 MAX_SHOWN = 40  # characters of an expression that a message shows

@@ -26,7 +26,6 @@ from turning_nc.cycles_fanuc import Block, end_of_contour, run_box, run_cycle
 from turning_nc.cycles_operate import CYCLES, run_cycle_of_sinumerik
 from turning_nc.dialects import DIAMETERS, ZERO_OFFSETS
 from turning_nc.interpolation import MOTIONS, move
-from turning_nc.law import Law
 from turning_nc.modal import COORDINATES
 from turning_nc.paths import Path
 from turning_nc.places import Places
@@ -72,7 +71,6 @@ class Moves:
     program: PartProgram
     reading: Reading
     moves: tuple[Move, ...]
-    law: Law  # its synchronized actions
 
     # Assumptions, and words that are not understood but do not change the tool's path, with lines.
     notes: tuple[str, ...]
@@ -115,7 +113,6 @@ def run(program: PartProgram, reading: Reading = Reading()) -> Moves:
         program,
         reading,
         moves=tuple(control.moves),
-        law=control.law,
         notes=_notes(control),
         states_unit=control.states_unit or reading.unit is not None,
         in_inches=control.in_inches,
@@ -296,8 +293,7 @@ class ProgramControl(Control):
         if line.text.startswith("/"):
             self.note("the block with / is run")
         if any(word.address in ("ID", "FCTDEF") or word.address[0] == "$" for word in line.words):
-            self.law.add(re.sub(r"^/?\s*N\d+\s*", "", line.text))
-            self.note("synchronized actions are not played: the override is taken as 100 %")
+            self.refuse("synchronized actions and system variables are not read")
             return block.index + 1
         # G28 V0 alone moves an axis that does not turn, but G28 alone moves X and Z.
         other_axes = line.first(*NULL_AXES, "H") and not line.first(*COORDINATES)

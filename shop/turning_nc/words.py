@@ -461,8 +461,8 @@ def _word(match: re.Match[str], offset: int) -> Word:
     groups = match.groupdict()
 
     # Synchronized actions of SINUMERIK take the rest of their line.
-    if groups.get("law"):
-        return Word("ID", text=groups["law"].strip())
+    if groups.get("synchronized"):
+        return Word("ID", text=groups["synchronized"].strip())
     if groups["letter"]:
         return _word_with_value(match, "letter", value="number", offset=offset)
     if groups["value"] is not None:

@@ -20,15 +20,12 @@ import tomli_w
 from google.protobuf import json_format
 from hypothesis import strategies as st
 from pydantic import TypeAdapter
-from turning_nc.program import Program, read, read_file, write
-from turning_nc.words import NcError
 from turning_shop import WorkshopError
 from turning_shop.headers import COLUMNS
 from turning_shop.measurements import Measurements, read_measurements
 
 from leaderboard.result import Result, ResultError, ResultFile, read_part, write_part
 from leaderboard.trajectories import Trajectories
-from shop.tests.turning_nc.test_program import TEXT
 from train.agents import agent_file, network
 from turning_env import Family, Scenario, ScenarioError
 from turning_env.scoring.sandbox_child import Outline
@@ -259,11 +256,6 @@ def _check_agent(file: agent_file.AgentFile, folder: Path) -> None:
     assert TypeAdapter(Outline).validate_json(sent, strict=True) == outline
 
 
-def _check_program(program: Program, folder: Path) -> None:
-    """Check that a program is the same after it was written."""
-    assert read(write(program)) == program
-
-
 def smallest(folder: Path, pattern: str) -> list[Path]:
     """Return the files of a pattern, the smallest first."""
     return sorted(folder.glob(pattern), key=lambda path: (path.stat().st_size, path))
@@ -429,12 +421,5 @@ READERS = {
         refusal=ValueError,
         valid=_valid_agents,
         check_content=_check_agent,
-    ),
-    "program": Reader(
-        suffix=".mpf",
-        read=read_file,
-        refusal=NcError,
-        valid=lambda: (TEXT.encode(),),
-        check_content=_check_program,
     ),
 }

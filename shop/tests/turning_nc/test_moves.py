@@ -104,7 +104,7 @@ DAMAGES = {
     "radius at the end": Damage(SIEMENS, SIEMENS_CALL, "N50 G1 X20 RND=2", 6, "must follow"),
     "chamfer that is too long": Damage(SIEMENS, "N80 Z-20", "N80 Z-20 CHF=60", 11, "of line 10"),
     "action on an unknown variable": Damage(
-        SIEMENS, SIEMENS_CALL, "N50 ID=1 DO $AC_OVR=$AC_SECRET", 6, "cannot be read"
+        SIEMENS, SIEMENS_CALL, "N50 ID=1 DO $AC_OVR=$AC_SECRET", 6, "synchronized actions"
     ),
 }
 
