@@ -15,7 +15,7 @@ from typing import Literal, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 from turning_nc.cutting import Situation
-from turning_nc.dialects import CYCLES_WITH_FEEDS, with_line_feeds
+from turning_nc.dialects import with_line_feeds
 from turning_nc.expression import number_text
 from turning_nc.finishing import Finishing
 from turning_nc.modal import Setting
@@ -391,7 +391,7 @@ class _WordFinder:
         if setting.span is not None:
             line = bisect.bisect_left(self._line_ends, setting.span.begin) + 1
         addresses = self._addresses.get(move.line, set())
-        is_set_in_block = address in addresses or bool(addresses & CYCLES_WITH_FEEDS)
+        is_set_in_block = address in addresses or "CYCLE95" in addresses
         if self._where == "words" or line == move.line or is_set_in_block:
             if setting.span is None:  # the value is computed
                 return None

@@ -54,9 +54,6 @@ class CycleState:
     # Lines of the last roughing cycles of contours, for G70 to name.
     roughed: dict[ContourNames, int] = field(default_factory=dict)
 
-    # Contours that CYCLE62 of SINUMERIK has named since the last CYCLE952.
-    called: list[ContourLines] = field(default_factory=list)
-
 
 @dataclass(frozen=True)
 class Side:

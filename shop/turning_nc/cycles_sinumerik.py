@@ -6,7 +6,7 @@ names, such as MID.
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from typing import Self
 
 from turning_nc.contours import add_passes, choose_side, contour_of
@@ -25,7 +25,7 @@ CLEARANCE_CYCLE97 = 1.0
 MAX_REPEATS = 1000
 
 
-def argument_number(
+def _argument_number(
     name: str, arguments: Sequence[Argument], index: int, default: float = 0.0
 ) -> float:
     """Return the number of a cycle's argument; arguments may be empty or missing.
@@ -46,11 +46,11 @@ def argument_number(
     return float(text)
 
 
-def feed_of_argument(
+def _feed_of_argument(
     control: Control, arguments: Sequence[Argument], index: int, name: str
 ) -> Setting:
     """Return the feed of an argument; the one in force if it is missing or 0."""
-    value = argument_number(name, arguments, index)
+    value = _argument_number(name, arguments, index)
     if value <= 0:
         return control.feed
     scale = control.feed_scale
@@ -73,47 +73,34 @@ class StockRemoval:
     roughing_feed: Setting
     finishing_feed: Setting
     retraction: float  # distance by which the tool leaves the metal [mm]
-    blank: Point | None = None  # corner of the blank; None if it is the contour's
-    is_settable: bool = False  # whether the user may give another side
 
 
-def remove_stock(control: Control, contour: Sequence[Path], removal: StockRemoval) -> None:
+def _remove_stock(control: Control, contour: Sequence[Path], removal: StockRemoval) -> None:
     """Rough and finish a contour, from before its blank and back to there.
 
     Raises:
-        BlockError: the contour is not understood, the depth of the passes is not above 0, or the
-            user gives another side.
+        BlockError: the contour is not understood, or the depth of the passes is not above 0.
     """
-    line = control.line.number
-    given_side = control.given_sides.get(line, removal.machining)
-    if given_side != removal.machining:
-        raise BlockError(f"--side is {given_side}, but its arguments say {removal.machining}")
     facing = removal.facing
     start = _start(contour, removal)
     feed = control.feed
     control.go_rapidly(start)
-    chosen = choose_side(
+    side = choose_side(
         control,
         contour,
         allowance=removal.allowance,
         facing=facing,
         machining=removal.machining,
     )
-    is_settable = chosen.is_settable and removal.is_settable
-    control.sides[line] = replace(chosen, is_settable=is_settable)
     if removal.roughs:
         control.feed = removal.roughing_feed
-        top = None
-        if removal.blank is not None:
-            top = removal.blank.z if facing else removal.blank.x
         cycle = Roughing(
             depth=removal.depth,
             retraction=removal.retraction,
             allowance=removal.allowance,
-            upwards=chosen.upwards,
+            upwards=side.upwards,
             facing=facing,
             equal=True,
-            top=top,
         )
         add_passes(control, roughing_passes(contour, start, cycle))
     if removal.finishes:
@@ -143,8 +130,6 @@ def _start(contour: Sequence[Path], removal: StockRemoval) -> Point:
     points = [head]
     for path in contour:
         points.append(path.end)
-    if removal.blank is not None:
-        points.append(removal.blank)
     all_z = [point.z for point in points]
     all_x = [point.x for point in points]
 
@@ -190,13 +175,13 @@ class RoughingCall:
             )
 
     def _number(self, index: int, default: float = 0.0) -> float:
-        return argument_number("CYCLE95", self._arguments, index, default)
+        return _argument_number("CYCLE95", self._arguments, index, default)
 
     def _length(self, index: int, default: float = 0.0) -> float:
         return self._number(index, default) * self._control.length_scale
 
     def _feed(self, index: int) -> Setting:
-        return feed_of_argument(self._control, self._arguments, index, name="CYCLE95")
+        return _feed_of_argument(self._control, self._arguments, index, name="CYCLE95")
 
     # VARI, the kind of machining, counts: lengthwise or facing, outside or inside; and roughs (1
     # to 4), finishes (5 to 8) or does both (9 to 12).
@@ -274,23 +259,22 @@ def run_cycle95(control: Control, arguments: Sequence[Argument], part: str) -> N
         roughing_feed=call.roughing_feed,
         finishing_feed=call.finishing_feed,
         retraction=call.retraction,
-        is_settable=True,
     )
-    remove_stock(control, contour, removal)
+    _remove_stock(control, contour, removal)
 
 
 def _contour_lines(control: Control, name: str, part: str) -> ContourLines:
     """Return the lines of a contour: those from a label to another, or a sub-program."""
     if ":" not in name:
-        return lines_of_sub_program(control, name)
+        return _lines_of_sub_program(control, name)
     labels = [label.strip() for label in name.upper().split(":")]
     if len(labels) != 2:
         raise BlockError(f"the contour {name!r} must be a sub-program or two labels")
     first, last = labels
-    return labelled_lines(control, first, last, part=part)
+    return _labelled_lines(control, first, last, part=part)
 
 
-def labelled_lines(control: Control, first: str, last: str, part: str) -> ContourLines:
+def _labelled_lines(control: Control, first: str, last: str, part: str) -> ContourLines:
     """Return the lines from a label to another.
 
     Raises:
@@ -306,7 +290,7 @@ def labelled_lines(control: Control, first: str, last: str, part: str) -> Contou
     return ContourLines(part, begin, end=end + 1)
 
 
-def lines_of_sub_program(control: Control, name: str) -> ContourLines:
+def _lines_of_sub_program(control: Control, name: str) -> ContourLines:
     """Return the lines of a sub-program that describes a contour.
 
     Raises:
@@ -360,7 +344,7 @@ class ThreadCall:
         values = {}
         for index, argument in enumerate(fields(cls)):
             default = getattr(defaults, argument.name)
-            values[argument.name] = argument_number("CYCLE97", arguments, index, default)
+            values[argument.name] = _argument_number("CYCLE97", arguments, index, default)
         call = cls(**values)
         call.check()
         return call

@@ -207,7 +207,7 @@ SINUMERIK = Dialect(
     addresses=frozenset("NGMTSFXZIKDLP")
     | {"CR", "LIMS", "S1", "M1", "T1", "CHR", "CHF", "RND", "RNDM", "SF", "ANG", "SPOS"},
     names=frozenset({"DIAMON", "DIAMOF", "DIAM90", "RET", "SUPA"})
-    | {"CYCLE95", "CYCLE97", "CYCLE62", "CYCLE951", "CYCLE952"}
+    | {"CYCLE95", "CYCLE97"}
     | {"TRANS", "ATRANS"}
     # Without effect on the path: acceleration, feed at radii, approach, displays.
     | {"SOFT", "BRISK", "DRIVE", "FFWON", "FFWOF", "CFC", "CFTCP", "CFIN", "COMPOF", "STOPRE"}
@@ -248,9 +248,10 @@ DIALECTS: dict[str, Dialect] = {
 
 # Words of SINUMERIK that state how X is read.
 DIAMETERS = "DIAMON", "DIAMOF", "DIAM90"
-CYCLES_WITH_FEEDS = frozenset({"CYCLE95", "CYCLE951", "CYCLE952"})
-"""Cycles of SINUMERIK whose arguments are feeds."""
 NOT_READ = {
+    "CYCLE62": ", the contour of a cycle by SINUMERIK Operate: name it in CYCLE95",
+    "CYCLE951": ", the stock of a corner by SINUMERIK Operate: write it as CYCLE95",
+    "CYCLE952": ", the stock of a contour by SINUMERIK Operate: write it as CYCLE95",
     "CYCLE930": ", a groove by SINUMERIK Operate: write its moves",
     "CYCLE940": ", an undercut by SINUMERIK Operate: write its moves",
     "CYCLE99": ", a thread by SINUMERIK Operate: write it as CYCLE97",

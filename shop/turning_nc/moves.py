@@ -23,7 +23,7 @@ from turning_nc.blocks import (
 from turning_nc.control import MAX_BLOCKS, Control, Kind, Move
 from turning_nc.cycles import Side
 from turning_nc.cycles_fanuc import Block, end_of_contour, run_box, run_cycle
-from turning_nc.cycles_operate import CYCLES, run_cycle_of_sinumerik
+from turning_nc.cycles_sinumerik import run_cycle95, run_cycle97
 from turning_nc.dialects import DIAMETERS, ZERO_OFFSETS
 from turning_nc.interpolation import MOTIONS, move
 from turning_nc.modal import COORDINATES
@@ -396,7 +396,6 @@ class ProgramControl(Control):
     def _move(self, block: Block, codes: set[float]) -> None:
         """Run a block's move, its cycle of SINUMERIK or its shift of the zero point."""
         line = block.line
-        cycle = line.first(*CYCLES)
         if line.first("TRANS", "ATRANS"):
             if self.has_moved:
                 raise BlockError("TRANS after the first move is not understood")
@@ -406,8 +405,10 @@ class ProgramControl(Control):
             if self.fanuc:
                 self.go_rapidly(self.target(line))
             self.go_home("reference points", line)
-        elif cycle is not None:
-            run_cycle_of_sinumerik(self, cycle, block.part)
+        elif cycle := line.first("CYCLE95"):
+            run_cycle95(self, cycle.arguments or (), block.part)
+        elif cycle := line.first("CYCLE97"):
+            run_cycle97(self, cycle.arguments or ())
         elif not codes & self.dialect.spindle_limits:
             move(self, line, codes)
 

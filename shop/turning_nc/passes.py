@@ -37,10 +37,6 @@ class Roughing:
     facing: bool = False  # whether passes run along X
     equal: bool = False  # whether the depth is reduced so that all passes have the same (CYCLE95)
 
-    # Place of the blank along the infeed, from which equal passes begin [mm]; by default the top
-    # of the contour.
-    top: float | None = None
-
 
 def roughing_passes(contour: Sequence[Path], start: Point, cycle: Roughing) -> list[Pass]:
     """Return the moves of every pass along a contour, from the start point and back to it.
@@ -142,14 +138,11 @@ class _Levels(NamedTuple):
 def _top(profile: Sequence[_Seen], view: _View, cycle: Roughing, start: Point) -> float:
     """Return the height at which passes begin: that of the start point.
 
-    Passes of CYCLE95 begin at the contour's top, where its blank ends; or at a given blank.
+    Passes of CYCLE95 begin at the contour's top, where its blank ends.
     """
     if not cycle.equal:
         return view.seen(start).height
-    highest = max(point.height for point in profile)
-    if cycle.top is None:
-        return highest
-    return max(highest, view.upwards * cycle.top)
+    return max(point.height for point in profile)
 
 
 def _levels(profile: Sequence[_Seen], top: float, cycle: Roughing) -> _Levels:

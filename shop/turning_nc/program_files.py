@@ -118,7 +118,7 @@ def _called_by_name(word: Word, dialect: Dialect) -> Iterator[str]:
     """Yield the sub-program or the contour that a word of a SINUMERIK calls."""
     if word.address == "L" and word.text:
         yield f"L{word.text}"
-    elif word.address in ("CYCLE95", "CYCLE62") and word.arguments:
+    elif word.address == "CYCLE95" and word.arguments:
         yield word.arguments[0].text.strip('" ')
     elif word.is_call and not (word.address in dialect.names or word.address in NOT_READ):
         yield word.address

@@ -404,7 +404,9 @@ def test_words_of_fanuc_show_no_other_control(line: str) -> None:
     assert divide(f"G21\n{line}\n").dialect.name == "fanuc"
 
 
-@pytest.mark.parametrize("cycle", ["CYCLE930", "CYCLE940", "CYCLE99", "CYCLE92"])
+@pytest.mark.parametrize(
+    "cycle", ["CYCLE62", "CYCLE951", "CYCLE952", "CYCLE930", "CYCLE940", "CYCLE99", "CYCLE92"]
+)
 def test_cycles_of_operate_that_are_not_read_are_named(cycle: str) -> None:
     text = DREHEN.replace("G1 X56", f"{cycle}(80,0,60,-50)\nG1 X56")
     with pytest.raises(NcError, match=rf"line 4: {cycle}.*Operate"):
