@@ -22,7 +22,7 @@ BENCHMARK: dict[str, set[str]] = {
 """Packages of the benchmark, and those that each may import, wherever in its code."""
 WORKSHOP = {
     "turning_shop": {"turning_env", "baselines"},
-    "turning_nc": {"turning_env", "baselines", "train", "turning_shop"},
+    "turning_nc": {"turning_env", "turning_shop"},
     # Records of a machine become sheets of cuts.
     "turning_control": {"turning_env", "baselines", "turning_shop"},
 }

@@ -231,8 +231,8 @@ class RoughTurningEnv(BaseEnv, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
 
     ## Registered ids
 
-    `turning_env.tasks`, `turning_env.FamilyEnv` (many lathes with wrong nominal models) and
-    `turning_nc.environment.ProgramEnv` (a part program of your own) specify the other ids.
+    `turning_env.tasks` and `turning_env.FamilyEnv` (many lathes with wrong nominal models) specify
+    the other ids.
     `turning_env.SPLITS` names presets that show how a policy generalises.
 
     Raises:

@@ -88,18 +88,6 @@ def test_what_is_missing_is_said_in_one_line(package: str, command: str, without
     assert "pip install" in line
 
 
-def test_an_environment_that_needs_more_says_how_to_install_it(without: Path) -> None:
-    env_id = "turning_nc:RoughTurning-Program-v1"
-    code = f"import gymnasium; gymnasium.make('{env_id}', program='part.mpf')"
-    finished = python(without, "shapely", "-c", code)
-    assert finished.stderr.count("Traceback") == 1
-    last = finished.stderr.splitlines()[-1]
-    assert (
-        last == "ModuleNotFoundError: shapely is not installed: "
-        "pip install 'rough-turning-shop[programs]'"
-    )
-
-
 def test_scoring_an_agent_without_onnxruntime_says_how_to_install_it(without: Path) -> None:
     agent = "agents/RoughTurning-Batch-v0/batch_casting/ppo-seed0.onnx"
     code = f"import turning_env; turning_env.score('{agent}')"
