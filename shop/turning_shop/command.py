@@ -41,7 +41,7 @@ def add_commands(command: Callable[..., argparse.ArgumentParser]) -> None:
     _add_whatif_options(command(_whatif, "predict force, power, wear and tool life"))
     _add_map_options(command(_map, "draw the operating map of a worn edge"))
     tool_command.add_options(
-        command(tool_command.tools, "read and write tool libraries, also FreeCAD's", scenario=False)
+        command(tool_command.tools, "read and write tables of tools", scenario=False)
     )
     advise = command(
         _advise, "advise speed, feed and edge changes, in parts and money", scenario=False

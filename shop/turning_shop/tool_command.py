@@ -1,4 +1,4 @@
-"""The command ``tools`` of ``python -m turning_env``: tool libraries in and out."""
+"""The command ``tools`` of ``python -m turning_env``: tables of tools in and out."""
 
 import argparse
 import math
@@ -15,7 +15,6 @@ from turning_shop.tool_library import (
     completed,
     csv_of,
     read_tools,
-    toolbit_of,
 )
 
 from turning_env.console import DONE
@@ -23,26 +22,23 @@ from turning_env.files import replace_file
 
 
 def tools(options: argparse.Namespace) -> int:
-    """List tools of CSV, FreeCAD (.fctb), ISO 13399 (.p21) and advice (.toml), and convert them.
+    """List tools of CSV tables and of advice (.toml), and write them into one table.
 
-    A scenario's file stands for its tool with the cut that advise recommends. --out writes all
-    tools: as a table if it ends in .csv, else as a folder with a FreeCAD tool bit per tool.
+    A scenario's file stands for its tool with the cut that advise recommends.
 
-    python -m turning_env tools inserts.csv CNMG120408.p21
-    python -m turning_env tools my_tool.toml inserts.csv --out Bit
+    python -m turning_env tools my_tool.toml inserts.csv --out library.csv
     """
+    if options.out is not None and options.out.suffix != ".csv":
+        raise WorkshopError(f"--out is {options.out}, but a table's name must end in .csv")
     library: list[Tool] = []
     for path in options.files:
         library += [_advised_tool(path)] if path.suffix == ".toml" else read_tools(path)
     print("\n".join(aligned(list(_rows(library)))))
     if options.out is None:
         return DONE
-    if options.out.suffix == ".csv":
-        text = csv_of(library)
-        refuse_existing(options.overwrite, options.out)
-        replace_file(options.out, partial(Path.write_text, data=text, encoding="utf-8"))
-    else:
-        _write_bits(library, options.out, options.overwrite)
+    text = csv_of(library)
+    refuse_existing(options.overwrite, options.out)
+    replace_file(options.out, partial(Path.write_text, data=text, encoding="utf-8"))
     print(options.out)
     return DONE
 
@@ -50,8 +46,8 @@ def tools(options: argparse.Namespace) -> int:
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of ``tools``."""
     add = parser.add_argument
-    add("files", nargs="+", type=Path, metavar="FILE", help="CSV, .fctb, .p21 or scenario's .toml")
-    add("--out", type=Path, metavar="CSV|FOLDER", help="table, or folder of FreeCAD tool bits")
+    add("files", nargs="+", type=Path, metavar="FILE", help="table, .csv, or scenario, .toml")
+    add("--out", type=Path, metavar="CSV", help="table to write")
     add("--overwrite", action="store_true", help="replace existing files")
 
 
@@ -93,24 +89,3 @@ def _shown(value: str | float) -> str:
     if isinstance(value, str):
         return value or "-"
     return "-" if math.isnan(value) else f"{value:.4g}"
-
-
-def _write_bits(tools: list[Tool], folder: Path, overwrite: bool) -> None:
-    """Write a tool bit per insert that FreeCAD has a shape for; the others are named on stderr."""
-    by_designation: dict[str, list[Tool]] = {}
-    for tool in tools:
-        by_designation.setdefault(tool.designation, []).append(tool)
-    texts: dict[Path, str] = {}
-    for designation, same in by_designation.items():
-        try:
-            text = toolbit_of(same)
-        except WorkshopError as error:
-            print(f"not written: {error}", file=sys.stderr)
-            continue
-        name = "".join(letter if letter.isalnum() else "_" for letter in designation)
-        texts[folder / f"{name}.fctb"] = text
-    if not texts:
-        raise WorkshopError("no tool can be written as a FreeCAD tool bit")
-    refuse_existing(overwrite, *texts)
-    for path, text in texts.items():
-        replace_file(path, partial(Path.write_text, data=text, encoding="utf-8"))

@@ -1,1 +1,0 @@
-"""Files that run in FreeCAD's Python, with nothing of this project around them."""
