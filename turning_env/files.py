@@ -1,11 +1,15 @@
-"""Write files whole or not at all, digest contents, and lock files that several processes share."""
+"""Read regular files of bounded size, write files whole or not at all, and lock and digest them."""
 
+import errno
 import hashlib
 import json
 import os
+import shutil
+import stat
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from filelock import FileLock, Timeout
@@ -14,28 +18,74 @@ _PARTIAL = ".partial-"
 _LOCK = ".lock"
 
 
-def replace_file(target: Path, write: Callable[[Path], object]) -> None:
-    """Let ``write`` fill a hidden file beside ``target``, then rename it to ``target``.
+def read_regular(path: Path, max_bytes: int, follow_links: bool = True) -> bytes:
+    """Return the content of a regular file.
 
-    A missing folder is made. If anything fails, the target is unchanged, the hidden file is
-    removed, and OSError names the target. The hidden file keeps the target's suffix, because some
-    writers choose the format by it. Its contents are on the disk before it is renamed.
+    A pipe or a device may have no end, or wait for ever for whoever writes into it.
+
+    Args:
+        path: the file.
+        max_bytes: largest size that is read.
+        follow_links: whether the path may be a symbolic link to a file.
+
+    Raises:
+        OSError: there is no such file, it is a folder, a pipe or a device, or a link that is not
+            followed, or it is too large. ``filename`` is the path, ``strerror`` says why.
     """
-    # Named by process, so that two processes that write the same target do not fill the same file.
-    partial = target.with_name(f"{_PARTIAL}{os.getpid()}-{target.name}")
+    if not follow_links and path.is_symlink():
+        raise _refusal(errno.ELOOP, "is a link: give the file itself", path)
+    # Some devices act when they are opened, so the kind of file is looked at before and after.
+    _check_regular(path.stat(), path)
+    # O_NONBLOCK: a pipe that was put there meanwhile has no writer. Some systems lack some flags.
+    flags = os.O_RDONLY
+    for name in ("O_NONBLOCK", "O_BINARY", "O_CLOEXEC"):
+        flags |= getattr(os, name, 0)
+    if not follow_links:
+        flags |= getattr(os, "O_NOFOLLOW", 0)
+    with os.fdopen(os.open(path, flags), "rb") as stream:
+        _check_regular(os.fstat(stream.fileno()), path)
+        content = stream.read(max_bytes + 1)
+    if len(content) > max_bytes:
+        raise _refusal(errno.EFBIG, f"is larger than {max_bytes} bytes", path)
+    return content
+
+
+def _check_regular(status: os.stat_result, path: Path) -> None:
+    if not stat.S_ISREG(status.st_mode):
+        raise _refusal(
+            errno.EINVAL, "is a folder, a pipe or a device, but must be a regular file", path
+        )
+
+
+def _refusal(code: int, reason: str, path: Path) -> OSError:
+    return OSError(code, reason, str(path))
+
+
+def replace_file(target: Path, write: Callable[[Path], object]) -> None:
+    """Let ``write`` fill a file in a hidden folder beside ``target``, then rename it to ``target``.
+
+    A missing folder is made. If anything fails, the target is unchanged, the hidden folder is
+    removed, and OSError names the target. The file keeps the target's suffixes, because some
+    writers choose the format by them. Its contents are on the disk before it is renamed.
+    """
     target.parent.mkdir(parents=True, exist_ok=True)
     try:
-        write(partial)
-        with partial.open("rb+") as file:
-            os.fsync(file.fileno())
-        partial.replace(target)
+        # The folder is new and this user's own, so that nobody can have put a link into it.
+        with TemporaryDirectory(
+            prefix=_PARTIAL, dir=target.parent, ignore_cleanup_errors=True
+        ) as folder:
+            # Not the target's name: what a killed process leaves is never taken for the target.
+            partial = Path(folder, f"content{''.join(target.suffixes)}")
+            write(partial)
+            with partial.open("rb+") as file:
+                os.fsync(file.fileno())
+            partial.replace(target)
     except OSError as error:
-        if error.errno is not None and str(error.filename) in ("None", str(partial)):
+        is_hidden = _PARTIAL in str(error.filename)
+        if error.errno is not None and (error.filename is None or is_hidden):
             error.filename = str(target)
             error.filename2 = None
         raise
-    finally:
-        partial.unlink(missing_ok=True)
 
 
 def digest_of(value: Any) -> str:
@@ -58,10 +108,10 @@ def digest_of_files(folder: Path, paths: Iterable[Path]) -> str:
 
 @contextmanager
 def folder_lock(folder: Path, wait: bool = False) -> Iterator[None]:
-    """Lock a folder, and remove hidden files that killed processes left in it.
+    """Lock a folder, and remove hidden folders that killed processes left in it.
 
     A missing folder is made. Processes that write into the same folder hold its lock while they
-    write; otherwise the next one may remove their hidden files. The lock ends with the process,
+    write; otherwise the next one may remove their hidden folders. The lock ends with the process,
     also if it is killed.
 
     Args:
@@ -73,8 +123,8 @@ def folder_lock(folder: Path, wait: bool = False) -> Iterator[None]:
     """
     with _locked(folder / _LOCK, folder, wait):
         for path in folder.glob(f"{_PARTIAL}*"):
-            with suppress(OSError):  # a hidden file is not read, so it does no harm
-                path.unlink(missing_ok=True)
+            # What cannot be removed is not read, so it does no harm. A link's target stays.
+            shutil.rmtree(path, ignore_errors=True)
         yield
 
 

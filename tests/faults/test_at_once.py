@@ -53,7 +53,8 @@ def held(how: str, path: Path) -> Iterator["subprocess.Popen[str]"]:
 def test_a_folder_is_held_until_the_process_ends_however_it_ends(tmp_path: Path) -> None:
     folder = tmp_path / "new" / "folder"
     with held("folder_lock", folder) as other:
-        (folder / ".partial-7-file.txt").touch()
+        (folder / ".partial-7").mkdir()
+        (folder / ".partial-7" / "content.txt").touch()
         with (
             pytest.raises(ValueError, match=f"another process works in {folder}"),
             folder_lock(folder),

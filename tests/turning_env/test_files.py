@@ -1,11 +1,15 @@
-"""Files are written whole or not at all. Locks: ``tests/faults/test_at_once.py``."""
+"""Regular files are read, and files are written whole or not at all.
 
+Locks: ``tests/faults/test_at_once.py``.
+"""
+
+import os
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from turning_env.files import replace_file
+from turning_env.files import folder_lock, read_regular, replace_file
 
 
 def test_target_is_replaced_once_it_is_whole(tmp_path: Path) -> None:
@@ -65,3 +69,70 @@ def test_an_error_names_the_target(
         replace_file(tmp_path / name, write)
     assert refusal.value.filename == str(tmp_path / name)
     assert [path.name for path in tmp_path.iterdir()] == ["taken"]
+
+
+def test_a_write_follows_no_link_that_was_placed_in_advance(tmp_path: Path) -> None:
+    secret = tmp_path / "secret"
+    secret.write_text("kept")
+    folder = tmp_path / "shared"
+    folder.mkdir()
+    # Names that a guess by the process and the target may give.
+    for name in (f".partial-{os.getpid()}-file.txt", f".partial-{os.getpid()}", "content.txt"):
+        (folder / name).symlink_to(secret)
+    replace_file(folder / "file.txt", write_text)
+    assert secret.read_text() == "kept"
+    assert (folder / "file.txt").read_text() == "text"
+
+
+def test_a_new_file_has_the_permissions_of_any_other(tmp_path: Path) -> None:
+    replace_file(tmp_path / "file.txt", write_text)
+    write_text(tmp_path / "other.txt")
+    written, other = ((tmp_path / name).stat().st_mode for name in ("file.txt", "other.txt"))
+    assert written == other
+
+
+def test_a_name_of_any_length_that_a_file_may_have_can_be_written(tmp_path: Path) -> None:
+    target = tmp_path / ("n" * 251 + ".txt")
+    replace_file(target, write_text)
+    assert target.read_text() == "text"
+
+
+def test_a_lock_removes_what_killed_processes_left_and_follows_no_link(tmp_path: Path) -> None:
+    kept = tmp_path / "kept"
+    kept.mkdir()
+    (kept / "file").touch()
+    folder = tmp_path / "folder"
+    (folder / ".partial-killed" / "deep").mkdir(parents=True)
+    (folder / ".partial-killed" / "deep" / "content.txt").touch()
+    (folder / ".partial-link").symlink_to(kept)
+    with folder_lock(folder):
+        assert not (folder / ".partial-killed").exists()
+    assert (kept / "file").exists()
+
+
+def test_a_regular_file_is_read_up_to_its_largest_size(tmp_path: Path) -> None:
+    path = tmp_path / "file"
+    path.write_bytes(b"12345")
+    (tmp_path / "link").symlink_to(path)
+    assert read_regular(path, 5) == b"12345"
+    assert read_regular(tmp_path / "link", 5) == b"12345"
+    with pytest.raises(OSError, match="larger than 4 bytes"):
+        read_regular(path, 4)
+
+
+def test_what_is_no_regular_file_is_refused_by_name(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "link").symlink_to(tmp_path / "pipe")
+    (tmp_path / "device").symlink_to("/dev/zero")
+    for name in ("pipe", "link", "device", "."):
+        path = tmp_path / name
+        with pytest.raises(OSError, match="must be a regular file") as refusal:
+            read_regular(path, 10)
+        assert refusal.value.filename == str(path)
+
+
+def test_a_link_is_refused_where_it_must_not_be_followed(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    (tmp_path / "link").symlink_to(tmp_path / "file")
+    with pytest.raises(OSError, match="is a link"):
+        read_regular(tmp_path / "link", 10, follow_links=False)
