@@ -559,6 +559,9 @@ def _add_pack_options(parser: argparse.ArgumentParser) -> None:
 def _verify(options: argparse.Namespace) -> int:
     """Play results again. The exit status is 1 if a number differs. ``--check`` plays nothing.
 
+    ``--seeds`` draws some seeds of each result afresh, so that nobody knows beforehand which are
+    played. ``--draw`` repeats a draw.
+
     python -m leaderboard verify --check
     python -m leaderboard verify --seeds 4 --jobs 2
     python -m leaderboard verify --env RoughTurning-Surface-v1 --jobs 2
@@ -568,17 +571,33 @@ def _verify(options: argparse.Namespace) -> int:
         complaints = verify.check(options.results, options.agents, selection)
         passed = "every result is valid"
     else:
-        complaints = _replay(options, selection)
+        draw = _draw(options)
+        complaints = _replay(options, selection, draw)
         passed = "every result came back"
-        if options.seeds is not None:
-            passed = "the shortest episodes of every result came back"
+        if draw is not None:
+            passed = "the drawn seeds of every result came back"
     for complaint in complaints:
         print(printable(complaint))
     print(f"{len(complaints)} complaints" if complaints else passed)
     return FAILED if complaints else DONE
 
 
-def _replay(options: argparse.Namespace, selection: verify.Selection) -> list[str]:
+def _draw(options: argparse.Namespace) -> verify.Draw | None:
+    """Return the draw of the seeds to play, and print its key; None: all seeds."""
+    if options.seeds is None:
+        if options.draw is not None:
+            raise UserError("--draw repeats a draw of --seeds N: add --seeds")
+        return None
+    if options.draw is not None:
+        return verify.Draw(options.seeds, options.draw)
+    draw = verify.Draw.fresh(options.seeds)
+    print(f"--seeds {draw.seeds} --draw {draw.key} draws the same seeds again", file=sys.stderr)
+    return draw
+
+
+def _replay(
+    options: argparse.Namespace, selection: verify.Selection, draw: verify.Draw | None
+) -> list[str]:
     """Play results again and return the complaints."""
     if options.fresh:
         options.memory.unlink(missing_ok=True)
@@ -588,7 +607,7 @@ def _replay(options: argparse.Namespace, selection: verify.Selection) -> list[st
             options.agents,
             selection=selection,
             memory=options.memory,
-            seeds=options.seeds,
+            draw=draw,
             over=over,
         )
 
@@ -605,7 +624,13 @@ def _add_verify_options(parser: argparse.ArgumentParser) -> None:
         "--seeds",
         type=positive,
         metavar="N",
-        help="play only the N shortest episodes of each result",
+        help="play only N seeds of each result, drawn afresh",
+    )
+    add(
+        "--draw",
+        type=positive,
+        metavar="KEY",
+        help="with --seeds: repeat the draw of this key, which it has printed",
     )
     add(
         "--check",

@@ -23,12 +23,13 @@ from leaderboard.family import Knowledge
 from leaderboard.notices import notify_once
 from leaderboard.result import ResultError, Task
 from leaderboard.submissions import FileName, Submission, clashing_names, renamed, with_folder
-from train.agents import onnx_policy
+from train.agents import network, onnx_policy
 from train.agents.agent_file import ONNX_SUFFIX, check_fits, informed
 from train.agents.onnx_policy import LIMITS
 from turning_env import Scenario
 from turning_env.batch.driver import observation_space
 from turning_env.console import printable
+from turning_env.files import read_regular
 from turning_env.scenario.section import names_instead
 from turning_env.scoring.adapt import as_factory
 from turning_env.scoring.comparators import CAUSAL, NOMINAL_OPTIMUM, NOMINAL_SHARE
@@ -43,22 +44,52 @@ SUMS = "SHA256SUMS"
 
 Only one seed of each agent need be there.
 """
+MAX_SUMS = 10_000_000  # bytes of that file
+_LISTED = re.compile(r"(?P<digest>[0-9a-f]{64}) +\*?(?P<place>[\w.-]+/[\w.-]+/[\w.-]+\.onnx)")
+"""A line of that file, as ``sha256sum`` writes it."""
 RUN_FILE = "run.json"  # in the folder of a training of one's own
 
 
-def agent_files(folder: Path) -> dict[str, Path]:
+def agent_files(folder: Path, complain: Callable[[str], None] = notify_once) -> dict[str, Path]:
     """Return the agents' files in a folder and those below it, by their SHA-256.
 
-    Files that ``SUMS`` lists are among them, even if they are not there.
+    Files that ``SUMS`` lists are among them, even if they are not there. ``complain`` receives the
+    faults of files that are left out.
     """
-    files = {}
-    sums = folder / SUMS
-    if sums.exists():
-        for line in sums.read_text("utf-8").splitlines():
-            digest, place = line.split(maxsplit=1)
-            files[digest] = folder / place
+    files = _listed_files(folder, complain)
     for path in sorted(folder.rglob(f"*{ONNX_SUFFIX}")):
-        files[hashlib.sha256(path.read_bytes()).hexdigest()] = path
+        try:
+            content = read_regular(path, network.MAX_BYTES)
+        except OSError as error:
+            complain(f"{path}: is left out, as it {error.strerror}")
+        else:
+            files[hashlib.sha256(content).hexdigest()] = path
+    return files
+
+
+def _listed_files(folder: Path, complain: Callable[[str], None]) -> dict[str, Path]:
+    """Return the files that ``SUMS`` lists, by their SHA-256."""
+    sums = folder / SUMS
+    if not sums.exists():
+        return {}
+    try:
+        lines = read_regular(sums, MAX_SUMS).decode().splitlines()
+    except OSError as error:
+        complain(f"{sums}: is left out, as it {error.strerror}")
+        return {}
+    except UnicodeDecodeError as error:
+        complain(f"{sums}: is left out: {error}")
+        return {}
+    files = {}
+    for number, line in enumerate(lines, start=1):
+        listed = _LISTED.fullmatch(line)
+        if listed is None or ".." in listed["place"].split("/"):
+            complain(
+                f"{sums}: line {number} is left out, as it is no SHA-256 and "
+                f"ID/SCENARIO/NAME{ONNX_SUFFIX}"
+            )
+            continue
+        files[listed["digest"]] = folder / listed["place"]
     return files
 
 

@@ -43,7 +43,7 @@ from pydantic_core import from_json
 
 from leaderboard.notices import notify_once
 from turning_env import MODEL_VERSION
-from turning_env.files import digest_of, replace_file
+from turning_env.files import digest_of, read_regular, replace_file
 from turning_env.scenario import PortableScenario
 from turning_env.scenario.family import Family
 from turning_env.scoring.play import EPISODE_FIELDS, EXCESS_TIMES, Episodes
@@ -417,7 +417,7 @@ def write_manifest(folder: Path, task: Task) -> None:
     }
     text = Manifest(task=task, results=entries).text()
     path = folder / MANIFEST_FILE
-    if not path.is_file() or path.read_text("utf-8") != text:
+    if not path.is_file() or path.read_bytes() != text.encode():
         write_whole(path, text)
 
 
@@ -454,13 +454,14 @@ def read_part(kind: type[PartType], path: Path) -> PartType:
     Raise ResultError if the file cannot be read, or if something in it is not allowed.
     """
     try:
-        with path.open("rb") as file:
-            content = file.read(MAX_BYTES + 1)
+        content = read_regular(path, MAX_BYTES)
         part: PartType = _parsed(kind, content, compressed=path.name.endswith(".xz"))
         return part
     except ValidationError as error:
         raise ResultError(f"{path}: {_complaint(error)}") from error
-    except (OSError, ValueError, RecursionError, lzma.LZMAError, EOFError) as error:
+    except OSError as error:
+        raise ResultError(f"{path} cannot be read: {error.strerror}") from error
+    except (ValueError, RecursionError, lzma.LZMAError, EOFError) as error:
         raise ResultError(f"{path} cannot be read: {error}") from error
 
 

@@ -3,9 +3,11 @@
 Numbers are compared bit for bit.
 """
 
+import hashlib
 import json
 import math
 import re
+import secrets
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -20,6 +22,7 @@ from leaderboard.family import family_of
 from leaderboard.policies import CLAIRVOYANT, agent_files, agents, one_named
 from leaderboard.result import (
     MANIFEST_FILE,
+    MAX_BYTES,
     Entry,
     ExcessShares,
     Manifest,
@@ -31,11 +34,13 @@ from leaderboard.result import (
 )
 from leaderboard.run import Attempt, Piece, attempt
 from turning_env import MODEL_VERSION, Scenario, presets
+from turning_env.files import read_regular
 from turning_env.progress import progress
 from turning_env.scoring.play import Episodes
 from turning_env.scoring.policy import PolicySpec, ScenarioId
 from turning_env.scoring.workers import Workers, spread
 
+_KEY_BITS = 63
 BOUND_SEEDS = 4
 """Seeds of a result in a quick look for each seed of a bound, which takes seconds per seed."""
 
@@ -63,6 +68,32 @@ class Selection:
         return path.name in self.policies or without_seed in self.policies
 
 
+class Draw(NamedTuple):
+    """A draw of seeds to play in a quick look.
+
+    Whoever wrote the results must not know beforehand which seeds are played, nor decide it by
+    what the results hold. So the key is fresh, and printed, as it repeats the draw.
+    """
+
+    seeds: int  # of each result; of a bound, one for BOUND_SEEDS
+    key: int
+
+    @classmethod
+    def fresh(cls, seeds: int) -> "Draw":
+        """Return a draw that nobody can foresee."""
+        return cls(seeds, secrets.randbits(_KEY_BITS))
+
+    def places(self, result: Result, is_bound: bool) -> list[int]:
+        """Return the places of the seeds to play of a result, in order."""
+        count = math.ceil(self.seeds / BOUND_SEEDS) if is_bound else self.seeds
+
+        def lot(place: int) -> bytes:
+            return hashlib.sha256(f"{self.key} {result.checksum} {place}".encode()).digest()
+
+        places = sorted(range(len(result.task.seeds)), key=lot)
+        return sorted(places[:count])
+
+
 class _Verifiable(NamedTuple):
     """A result, and who played it: a rule or an oracle, or an agent's file.
 
@@ -85,7 +116,7 @@ def verify(
     agents_folder: Path,
     selection: Selection,
     memory: Path,
-    seeds: int | None = None,
+    draw: Draw | None = None,
     over: Workers | None = None,
 ) -> list[str]:
     """Play every selected result again.
@@ -96,8 +127,7 @@ def verify(
         selection: which of them to verify.
         memory: file that remembers what has come back, so that an interrupted verification goes
             on; removed at the end.
-        seeds: play only so many seeds of each result, those of its shortest episodes, and remember
-            nothing; None: all.
+        draw: play only these seeds of each result, and remember nothing; None: all.
         over: who plays; None: this process.
 
     Returns:
@@ -113,11 +143,11 @@ def verify(
         raise ResultError(f"{results} holds no such results")
     complaints = examined.complaints + _beyond_the_bound(examined.results)
 
-    came_back = set() if seeds is not None else _remembered(memory)
+    came_back = set() if draw is not None else _remembered(memory)
     replays = {}
     for path, verifiable in examined.results.items():
         if verifiable.player is not None and verifiable.result.checksum not in came_back:
-            replays[path] = _Replay(verifiable, _places(verifiable.result, seeds))
+            replays[path] = _Replay(verifiable, _places(verifiable, draw))
     # The longest first, so that no worker plays on long after the others have finished.
     longest_first = sorted(replays, key=lambda path: -_length(replays[path].verifiable.result))
     pieces = [(path, replays[path]) for path in longest_first]
@@ -137,10 +167,10 @@ def verify(
             else:
                 faults = differences(result, played, replays[path].places)
             complaints += [_complaint(path, fault) for fault in faults]
-            if not faults and seeds is None:
+            if not faults and draw is None:
                 came_back.add(result.checksum)
                 write_whole(memory, json.dumps(sorted(came_back), indent=1) + "\n")
-    if seeds is None:
+    if draw is None:
         memory.unlink(missing_ok=True)
     return sorted(complaints)
 
@@ -175,7 +205,7 @@ class _Examined:
 def _examine(results: Path, agents_folder: Path, selection: Selection) -> _Examined:
     """Examine all selected results, and whether the selected agents have one."""
     examined = _Examined()
-    files = agent_files(agents_folder)
+    files = agent_files(agents_folder, examined.complaints.append)
     for folder in sorted(results.glob("*/*")):
         if selection.holds_folder(folder):
             _examine_folder(folder, files, selection, examined=examined)
@@ -230,16 +260,13 @@ def _examine_folder(
         examined.results[path] = _Verifiable(result, player)
 
 
-def _places(result: Result, seeds: int | None) -> list[int]:
-    """Return the places of the seeds to play.
-
-    These are all, or those of the shortest episodes; of a bound without steps, the first.
-    """
-    steps = np.array(result.episodes["steps"])
-    if seeds is not None and not steps.any():
-        seeds = math.ceil(seeds / BOUND_SEEDS)
-    shortest_first = np.argsort(steps, kind="stable")
-    return sorted(shortest_first[:seeds].tolist())
+def _places(verifiable: _Verifiable, draw: Draw | None) -> list[int]:
+    """Return the places of the seeds to play: all, or those of a draw."""
+    result, player = verifiable
+    if draw is None:
+        return list(range(len(result.task.seeds)))
+    is_bound = isinstance(player, PolicySpec) and player.compute is not None
+    return draw.places(result, is_bound)
 
 
 def _play(replay: _Replay) -> Attempt:
@@ -382,6 +409,6 @@ def _remembered(memory: Path) -> set[str]:
     if not memory.exists():
         return set()
     try:
-        return {str(key) for key in json.loads(memory.read_text("utf-8"))}
+        return {str(key) for key in json.loads(read_regular(memory, MAX_BYTES))}
     except (OSError, ValueError, TypeError, RecursionError) as error:
         raise ResultError(f"{memory} cannot be read: {error}; delete it") from error

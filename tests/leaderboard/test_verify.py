@@ -20,7 +20,7 @@ from leaderboard.result import (
     write_result,
 )
 from leaderboard.run import Piece, attempt
-from leaderboard.verify import Selection
+from leaderboard.verify import Draw, Selection
 from tests.leaderboard.conftest import ENV_ID, MakeResult, on, only, spec
 from tests.train import onnx_agents
 from turning_env import MODEL_VERSION, Scenario
@@ -71,10 +71,10 @@ def with_agent(shipped: Path, task: Task) -> Path:
 
 
 def complaints(
-    shipped: Path, selection: Selection = EVERYTHING, seeds: int | None = None
+    shipped: Path, selection: Selection = EVERYTHING, draw: Draw | None = None
 ) -> list[str]:
     return verify.verify(
-        shipped / "results", shipped / "agents", selection, shipped / "verified.json", seeds
+        shipped / "results", shipped / "agents", selection, shipped / "verified.json", draw
     )
 
 
@@ -197,26 +197,39 @@ def test_agents_without_file_or_result_are_found(with_agent: Path) -> None:
     assert complaints(with_agent) == []
 
 
-def test_a_quick_look_is_at_the_shortest_episodes(shipped: Path) -> None:
+def test_a_forger_cannot_choose_the_seeds_of_a_quick_look(shipped: Path) -> None:
     path = file_of(shipped, RULE)
     episodes = only(path).episodes
-    shortest, _, _, longest = np.argsort(episodes["steps"], kind="stable")
-    wear = list(episodes["wear"])
-    wear[shortest] = 0.0
-    returns = list(episodes["return"])
-    returns[longest] = 0.0
-    rewrite(path, {"return": returns, "wear": wear})
-    (quick,) = complaints(shipped, ONE_RULE, seeds=2)
-    assert quick.startswith(f"{place(path)}: wear differs for 1 of 2 seeds")
-    assert len(complaints(shipped, ONE_RULE)) == 2
+    # The last seed's return is forged, and its episode made the longest.
+    returns = [*episodes["return"][:-1], 0.0]
+    steps = [*episodes["steps"][:-1], 1e6]
+    rewrite(path, {"return": returns, "steps": steps})
+    caught = 0
+    for key in range(40):
+        caught += 3 in Draw(1, key).places(only(path), is_bound=False)
+    assert 2 <= caught <= 20  # 10 expected
+    drawn = next(key for key in range(40) if 3 in Draw(1, key).places(only(path), False))
+    about_return, about_steps = complaints(shipped, ONE_RULE, draw=Draw(1, drawn))
+    assert about_return.startswith(f"{place(path)}: return differs for 1 of 1 seeds")
+    assert about_steps.startswith(f"{place(path)}: steps differs for 1 of 1 seeds")
+
+
+def test_a_draw_is_fresh_and_its_key_repeats_it(shipped: Path) -> None:
+    result = only(file_of(shipped, RULE))
+    draw = Draw.fresh(2)
+    assert Draw.fresh(2).key != draw.key
+    assert draw.places(result, False) == Draw(2, draw.key).places(result, False)
+    assert len(draw.places(result, is_bound=False)) == 2
+    assert len(draw.places(result, is_bound=True)) == 1
+    assert Draw(9, 0).places(result, False) == [0, 1, 2, 3]
 
 
 def test_a_quick_look_leaves_the_memory_of_an_interrupted_verification(shipped: Path) -> None:
     memory = shipped / "verified.json"
-    assert complaints(shipped, ONE_RULE, seeds=2) == []
+    assert complaints(shipped, ONE_RULE, draw=Draw.fresh(2)) == []
     assert not memory.exists()
     memory.write_text("[]")
-    assert complaints(shipped, ONE_RULE, seeds=2) == []
+    assert complaints(shipped, ONE_RULE, draw=Draw.fresh(2)) == []
     assert memory.exists()
 
 
@@ -227,7 +240,11 @@ def test_command_line(with_agent: Path, capsys: pytest.CaptureFixture[str]) -> N
     assert main(arguments) == 0
     assert capsys.readouterr().out == "every result came back\n"
     assert main([*arguments, "--seeds", "1"]) == 0
-    assert capsys.readouterr().out == "the shortest episodes of every result came back\n"
+    printed = capsys.readouterr()
+    assert printed.out == "the drawn seeds of every result came back\n"
+    assert "--seeds 1 --draw " in printed.err
+    assert main([*arguments, "--draw", "1"]) == 2
+    assert "add --seeds" in capsys.readouterr().err
     assert main([*arguments, "--check"]) == 0
     assert capsys.readouterr().out == "every result is valid\n"
     assert main([*arguments, "--policies", "nonsense"]) == 2

@@ -12,8 +12,6 @@ another file, loop, or ask for more memory than stated here.
 
 import hashlib
 import json
-import os
-import stat
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,6 +29,7 @@ from train.agents.network import MAX_BYTES, MAX_MEMORY
 from train.run import Run
 from turning_env import ALL_IDS, FAMILY_ID, IDS, Family, Scenario
 from turning_env.batch.driver import action_space, observation_space
+from turning_env.files import read_regular
 from turning_env.scenario import PortableScenario
 from turning_env.scoring.policy import Policy, PolicyFactory, PolicySpec, ScenarioId
 from turning_env.scoring.sandbox_child import Outline
@@ -317,23 +316,18 @@ def read(path: Path) -> AgentFile:
 
 
 def read_content(path: Path) -> bytes:
-    """Read a file, or the only ONNX file in a folder, up to a byte more than is allowed.
+    """Read a file, or the only ONNX file in a folder.
 
-    Raise ValueError for a link, a pipe or a device, and for a folder with none or several.
+    Raise ValueError for a link, a pipe or a device, for a folder with none or several, and for a
+    file that cannot be read or is too large.
     """
-    if path.is_dir() and not path.is_symlink():
-        path = _only_file(path)
-    if path.is_symlink():
-        raise ValueError(f"{path} is a link: give the file itself")
-    # O_NONBLOCK: do not wait for whoever may write into a pipe. O_NOFOLLOW: a link would have
-    # another file read than the one that was given. Some systems lack some of the flags.
-    flags = os.O_RDONLY
-    for name in ("O_NOFOLLOW", "O_NONBLOCK", "O_BINARY"):
-        flags |= getattr(os, name, 0)
-    with os.fdopen(os.open(path, flags), "rb") as stream:
-        if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
-            raise ValueError(f"{path} is not an ordinary file")
-        return stream.read(MAX_BYTES + 1)
+    try:
+        if path.is_dir() and not path.is_symlink():
+            path = _only_file(path)
+        # A link would have another file read than the one that was given.
+        return read_regular(path, MAX_BYTES, follow_links=False)
+    except OSError as error:
+        raise ValueError(f"{path}: {error.strerror}") from error
 
 
 def _only_file(folder: Path) -> Path:

@@ -78,8 +78,6 @@ def load(path: Path, limits: Limits = LIMITS) -> PolicySpec:
     sandbox.require("onnx", "onnxruntime")
     try:
         content = agent_file.read_content(path)
-    except OSError as error:
-        raise AgentFileError(f"{path}: {error.strerror}") from error
     except ValueError as error:  # it names the file
         raise AgentFileError(str(error)) from error
     try:

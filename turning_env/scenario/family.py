@@ -48,7 +48,7 @@ from turning_env.scenario.scenario import (
     table_of,
 )
 from turning_env.scenario.scenario_batch import ScenarioBatch
-from turning_env.scenario.section import Section, declared_ranges, names_instead
+from turning_env.scenario.section import Section, declared_ranges, few, names_instead
 
 Array = NDArray[np.float64]
 Values = dict[str, Any]
@@ -356,7 +356,7 @@ class Family(Section):
             family.job(0)
         except ValueError as error:
             faults = complaints_of(error) if isinstance(error, ValidationError) else [str(error)]
-            raise ScenarioError(f"{title}: " + "; ".join(faults)) from error
+            raise ScenarioError(f"{title}: {few(faults)}") from error
         return family
 
     def __eq__(self, other: object) -> bool:

@@ -28,10 +28,10 @@ from pydantic import (
 )
 
 from turning_env.console import printable
-from turning_env.files import digest_of, replace_file
+from turning_env.files import digest_of, read_regular, replace_file
 from turning_env.scenario import sections
 from turning_env.scenario.derived import DerivedQuantities
-from turning_env.scenario.section import Section, names_instead
+from turning_env.scenario.section import Section, few, names_instead
 from turning_env.scenario.validation import complaints
 
 START = ("initial_cutting_speed", "initial_feed")
@@ -93,6 +93,7 @@ Observations and actions are scaled by them.
 
 _ALL_PRESETS = "python -m turning_env presets"
 MAX_NAME = 64  # characters of a scenario's name
+MAX_TOML = 1_000_000  # bytes of a TOML file; those that ship have less than a tenth
 _MAX_SHOWN = 200  # characters of a value that an error quotes
 
 
@@ -204,7 +205,7 @@ class Scenario(sections.Sections, DerivedQuantities):
             except ValidationError as error:
                 faults = [f"nominal_model: {fault}" for fault in complaints_of(error)]
         if faults:
-            raise ValueError("; ".join(faults))
+            raise ValueError(few(faults))
         return self
 
     @property
@@ -294,7 +295,7 @@ class Scenario(sections.Sections, DerivedQuantities):
         try:
             scenario = cls.model_validate(start_in_range(values, stated_start))
         except ValidationError as error:
-            raise ScenarioError(f"{title}: " + "; ".join(complaints_of(error))) from error
+            raise ScenarioError(f"{title}: {few(complaints_of(error))}") from error
         scenario._origin = _Origin(calibration=calibration, stated_start=stated_start)
         return scenario
 
@@ -495,8 +496,9 @@ def table_of(source: Any, shipped: Mapping[str, Any], kind: str, lists_all: str)
     try:
         if not path.is_file():
             advice = names_instead(title, shipped, lists_all=lists_all)
-            raise ScenarioError(f"no {kind} and no file is called {title!r}; {advice}")
-        content: bytes = path.read_bytes()
+            raise ScenarioError(f"no {kind} and no file is called {title[:_MAX_SHOWN]!r}; {advice}")
+        # A file that ships may lie in an archive, and has a moderate size.
+        content = path.read_bytes() if ships else read_regular(path, MAX_TOML)
     except OSError as error:
         raise ScenarioError(f"{title[:_MAX_SHOWN]!r} cannot be read: {error.strerror}") from error
     try:

@@ -3,14 +3,18 @@
 Which numbers there are is declared in ``sections.py`` and ``power_law.py``.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from difflib import get_close_matches
 from functools import cache
+from itertools import islice
 from typing import Any, NamedTuple, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
 MAX_LISTED = 8  # names that an error lists; of more, it says where they are listed
+MAX_FAULTS = 10  # faults that an error lists
+MAX_FAULT = 2_000  # characters of a fault
+MAX_KEY = 100  # characters of an unknown key that an error quotes
 
 
 def quantity(default: Any, low: float, high: float, unit: str, description: str) -> Any:
@@ -39,6 +43,17 @@ def names_instead(
     if lists_all:
         return f"list all with: {lists_all}"
     return f"allowed are {', '.join(names[:max_listed])} and {len(names) - max_listed} others"
+
+
+def few(faults: Iterable[str]) -> str:
+    """Return the first faults as one text of bounded length. Others are not even worked out."""
+    faults = iter(faults)
+    shown = []
+    for fault in islice(faults, MAX_FAULTS):
+        shown.append(fault if len(fault) <= MAX_FAULT else f"{fault[:MAX_FAULT]}...")
+    if next(faults, None) is not None:
+        shown.append("and more")
+    return "; ".join(shown)
 
 
 def _with_tuples(value: Any) -> Any:
@@ -71,15 +86,20 @@ class Section(BaseModel):
         if not isinstance(values, dict):
             return values
         values = _with_tuples(values)
-        faults = []
+        faults = few(cls._unknown_keys(values))
+        if faults:
+            raise ValueError(faults)
+        return values
+
+    @classmethod
+    def _unknown_keys(cls, values: dict[Any, Any]) -> Iterator[str]:
+        """Yield a fault for each unknown key."""
         known = cls.model_fields
         for key in map(str, values):
             if key not in known:
                 advice = names_instead(key, known, "python -m turning_env schema")
-                faults.append(f"unknown key {key}; {advice}")
-        if faults:
-            raise ValueError("; ".join(faults))
-        return values
+                shown = key if len(key) <= MAX_KEY else f"{key[:MAX_KEY]}..."
+                yield f"unknown key {shown}; {advice}"
 
     @field_validator("*")
     @classmethod

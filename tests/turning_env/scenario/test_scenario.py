@@ -5,7 +5,14 @@ from operator import attrgetter
 import pytest
 
 from tests.turning_env.playing import slightly_different, variants
-from turning_env import RoughTurningEnv, RoughTurningVectorEnv, Scenario, ScenarioError, presets
+from turning_env import (
+    Family,
+    RoughTurningEnv,
+    RoughTurningVectorEnv,
+    Scenario,
+    ScenarioError,
+    presets,
+)
 from turning_env.physics.quantities import layout
 from turning_env.scenario.scenario import nested
 
@@ -289,3 +296,39 @@ def test_presets_of_measured_sets_wear_as_their_edges(preset, cutting_speed, dep
         time=measured_life,
     )
     assert at_the_end == pytest.approx(0.3, rel=0.01)
+
+
+@pytest.mark.parametrize("load", [Scenario.load, Family.load])
+def test_a_toml_file_has_a_largest_size(load, tmp_path):
+    path = tmp_path / "large.toml"
+    path.write_text("# " + "x" * 1_000_000)
+    with pytest.raises(ScenarioError, match=r"large\.toml.* is larger than 1000000 bytes"):
+        load(path)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "".join(f"key{n} = 1\n" for n in range(5_000)),
+        "[limits]\n" + "".join(f"key{n} = 1\n" for n in range(5_000)),
+        "[workpiece]\ndepth_profile = [" + "'a'," * 5_000 + "]\n",
+        "[nominal_model.limits]\n" + "".join(f"key{n} = 1\n" for n in range(5_000)),
+    ],
+    ids=["keys", "keys of a section", "values", "keys of the nominal model"],
+)
+def test_an_error_shows_the_first_few_faults(text, tmp_path):
+    path = tmp_path / "many.toml"
+    path.write_text(text)
+    with pytest.raises(ScenarioError) as refusal:
+        Scenario.load(path)
+    message = str(refusal.value)
+    assert "; and more" in message
+    assert len(message) < 5_000
+
+
+def test_an_error_does_not_quote_a_long_key(tmp_path):
+    path = tmp_path / "long.toml"
+    path.write_text("k" * 500_000 + " = 1\n")
+    with pytest.raises(ScenarioError, match=r"unknown key kkk.*\.\.\.; ") as refusal:
+        Scenario.load(path)
+    assert len(str(refusal.value)) < 1_000
