@@ -3,9 +3,11 @@
     python shop/examples/measured_sets.py vicomtech dataset.csv
     python shop/examples/measured_sets.py h13 FOLDER
     python shop/examples/measured_sets.py aist aist_turning_wear.csv
+    python shop/examples/measured_sets.py papers FOLDER
 
 The argument is a file, a folder or a URL of the set as published; shop/docs/measured_data.md names
-the sources. For H13, the folder holds Exp1.csv, Exp2.csv and Prep.csv. Files may be compressed by
+the sources. For H13, the folder holds Exp1.csv, Exp2.csv and Prep.csv; for the papers, it is
+``Arquivos/Dados`` of its repository. Files may be compressed by
 xz. ``--sheets FOLDER`` writes the sheets of cuts, for use with ``calibrate`` and ``predict``.
 
 The results are a table of the predictions, and how loads grow with wear:
@@ -16,6 +18,8 @@ The results are a table of the predictions, and how loads grow with wear:
   readings at both.
 * Forms: for each edge of Vicomtech, the median relative error of F = F0 (1 + b VB) and of
   F = k VB^e, both fitted to its own readings from 0.01 mm on.
+* Shares (papers, H13): thrust over cutting force by least squares of its logarithm over those of
+  speed, feed and depth, at the reference of ``turning_shop/catalogue/thrust.py``.
 """
 
 import argparse
@@ -31,6 +35,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from turning_shop import WorkshopError
 from turning_shop.calibrate import calibrate, summary
+from turning_shop.catalogue import thrust
 from turning_shop.hold_out import HeldOut, hold_out
 from turning_shop.measurements import Measurements, read_measurements
 
@@ -147,7 +152,52 @@ def aist(source: str) -> Iterator[tuple[str, list[Row]]]:
     yield from pairs.items()
 
 
-SETS = {"vicomtech": vicomtech, "h13": h13, "aist": aist}
+PAPERS = {
+    "Borsos": ("C45 (AISI 1045), CNMG120408-KM", "x"),
+    "Chinchanikar 35": ("4340, 35 HRC, coated carbide KC9110", "z"),
+    "Chinchanikar 45": ("4340, 45 HRC, coated carbide KC9110", "z"),
+    "Keblouti - coated insert": ("52100, coated cermet GC1525", "z"),
+    "Keblouti - uncoated insert": ("52100, cermet CT5015", "z"),
+    "Aouici": ("H11, 50 HRC, CBN 7020", "x"),
+    "Fnides": ("H11, 50 HRC, ceramic CC650", "z"),
+    "Lalwani": ("maraging steel MDN250, ceramic TNMA160408S01525", "z"),
+    "Bartarya": ("52100 (EN31), 60 HRC, CBN TNGA160408S01525", "z"),
+    "Mata": ("PEEK CF30, coated carbide", "z"),
+}
+"""Sets of bessafelipe by their names: material, tool, and the axis of the cutting force.
+
+The axis is the one whose force grows in proportion to the depth of cut.
+"""
+
+
+def papers(folder: str) -> Iterator[tuple[str, list[Row]]]:
+    """Yield the sheets of ten papers, as transcribed by bessafelipe: cuts with three forces."""
+    for name, (title, main_axis) in PAPERS.items():
+        forces = {axis: _paper_table(Path(folder) / f"{name}_F{axis}_dados.csv") for axis in "xyz"}
+        first, second = [axis for axis in "xyz" if axis != main_axis]
+        rows = []
+        for number, (_, speed, feed, depth) in enumerate(forces[main_axis]):
+            rows.append(
+                {
+                    "vc [m/min]": speed,
+                    "f [mm/rev]": feed,
+                    "ap [mm]": depth,
+                    "VB [mm]": "0",
+                    "Fc [N]": forces[main_axis][number][0],
+                    "Ff [N]": forces[first][number][0],
+                    "Fp [N]": forces[second][number][0],
+                }
+            )
+        yield f"{name.split()[0]}: {title}", rows
+
+
+def _paper_table(path: Path) -> list[list[str]]:
+    """Return force, cutting speed, feed and depth of each cut; decimals may have a comma."""
+    lines = path.read_text("utf-8-sig").splitlines()[1:]
+    return [line.replace(",", ".").split(";") for line in lines if line]
+
+
+SETS = {"vicomtech": vicomtech, "h13": h13, "aist": aist, "papers": papers}
 
 
 def written(rows: Sequence[Row], path: Path) -> Path:
@@ -191,12 +241,14 @@ class Predictions(NamedTuple):
         return f"| {' | '.join(cells)} |"
 
 
-def predict_all(sheets: Mapping[str, Measurements], title: str) -> Iterator[str]:
-    """Yield rows of a table on edges of sheets that were left out, one row for each response."""
+def predict_all(
+    sheets: Mapping[str, Measurements], title: str, left_out: str = "edge"
+) -> Iterator[str]:
+    """Yield rows of a table on edges, or rows, that were left out, one for each response."""
     responses: dict[str, Predictions] = {}
     for measurements in sheets.values():
         try:
-            results = hold_out(measurements, Scenario(), by="edge")
+            results = hold_out(measurements, Scenario(), by=left_out)
         except WorkshopError:
             continue  # a sheet of one edge, or of too few rows
         for result in results:
@@ -287,6 +339,34 @@ def fresh_share(loads: Loads) -> float:
     return float(np.mean(ratios))
 
 
+def describe_share(title: str, measurements: Measurements) -> str:
+    """Return the share of thrust of fresh edges, and how it depends on speed, feed and depth."""
+    columns = measurements.columns
+    fresh = columns["wear"] == 0.0
+    main_force = columns["main_force"][fresh]
+    share = columns["thrust_force"][fresh] / main_force
+    speed = columns["cutting_speed"][fresh] / 150.0
+    feed = columns["feed"][fresh]
+    depth = columns["depth_of_cut"][fresh]
+    factors = np.column_stack(
+        [
+            np.ones_like(share),
+            np.log(speed),
+            np.log(feed / thrust.REFERENCE_FEED),
+            np.log(depth / thrust.REFERENCE_DEPTH),
+        ]
+    )
+    (level, by_speed, by_feed, by_depth), *_ = np.linalg.lstsq(factors, np.log(share), rcond=None)
+    # Kienzle's kc1.1 with the usual exponent of steel.
+    specific_force = np.median(main_force / depth / feed**0.76)
+    return (
+        f"{title}: thrust {np.median(share):.2f} of the cutting force ({share.min():.2f} to "
+        f"{share.max():.2f}), {np.exp(level):.2f} at the reference; exponents of speed "
+        f"{by_speed:+.2f}, feed {by_feed:+.2f}, depth {by_depth:+.2f}; kc1.1 about "
+        f"{specific_force:.0f} N/mm2"
+    )
+
+
 def describe_loads(title: str, measurements: Measurements) -> Iterator[str]:
     """Yield how the main and the thrust force of a set grow with wear."""
     columns = measurements.columns
@@ -327,7 +407,10 @@ def main(name: str, source: str, folder: Path) -> None:
             notes = (*calibration.problems, *calibration.warnings)
             for line in (*notes, *summary(calibration)):
                 print(f"  {line}")
-            rows_of_table += predict_all({title: measurements}, title)
+            left_out = "row" if name == "papers" else "edge"
+            rows_of_table += predict_all({title: measurements}, title, left_out)
+            if name == "papers" or title == "H13, Exp1 and Exp2":
+                print(describe_share(title, measurements))
             if title in ("Vicomtech", "H13, Exp2"):
                 print(*describe_loads(title, measurements), sep="\n")
     print("| Data | Law | Readings | 95 % hold | Median error | Ends at | Edges not predicted |")

@@ -37,8 +37,7 @@ from turning_shop.allowed import (
     feed_range,
     with_roughness,
 )
-from turning_shop.catalogue import UNMEASURED, groups, inserts, laws, materials
-from turning_shop.catalogue.groups import FORCE_DEVIATION
+from turning_shop.catalogue import UNMEASURED, groups, inserts, laws, materials, thrust
 from turning_shop.catalogue.inserts import Insert, read_insert
 from turning_shop.catalogue.materials import HARDER, Material, find_material
 from turning_shop.catalogue.start_values import (
@@ -132,8 +131,14 @@ class Job(NamedTuple):
         speeds = self.start.speeds
         yield f"{self.material.described} ({materials.SOURCE})"
         yield (
-            f"kc1.1 {group.kc11:g} N/mm2 within {_percent(FORCE_DEVIATION)}, "
+            f"kc1.1 {group.kc11:g} N/mm2 within {_percent(group.force_deviation)}, "
             f"mc {group.mc:g} ({groups.SOURCE})"
+        )
+        share = thrust.share_of(group)
+        yield (
+            f"thrust is {share.value:g} of the cutting force at {thrust.REFERENCE_FEED:g} mm/rev "
+            f"and {thrust.REFERENCE_DEPTH:g} mm, within {_percent(share.deviation)} "
+            f"({share.source})"
         )
         yield (
             f"{speeds.usual:.0f} m/min ({speeds.low:.0f} to {speeds.high:.0f}) "
@@ -215,7 +220,9 @@ def job_of(question: Question) -> Job:
     _check_depth(depth, insert, stock=question.stock)
 
     fitted = laws.material_of(material.group, start, machine.tool.wear_criterion)
-    evidence_laws = laws.evidence_of(fitted, start, window.feeds, window.depths)
+    evidence_laws = laws.evidence_of(
+        fitted, material.group, start, feeds=window.feeds, depths=window.depths
+    )
     values = _values(question, insert=insert, window=window, depth=depth)
     values["workpiece"]["elastic_modulus"] = MODULI[material.group.letter]
     if question.support:
@@ -521,12 +528,13 @@ def _wear_narrowing(job: Job, best: Plan) -> Narrowing:
 def _power_narrowing(job: Job, best: Plan) -> Narrowing:
     """Return what the spindle's power, measured once, would narrow."""
     # Only the spread of edges remains: it is far below the deviation of the catalogue.
+    before = job.material.group.force_deviation
     after = TYPICAL_EDGE_SPREAD["power"]
     power = float(best.cuts.power)
     percent = 100 * (QUANTILE * after)
     return Narrowing(
         action="the spindle's power in one cut",
-        saving=_cost_range(job, "power", FORCE_DEVIATION) - _cost_range(job, "power", after),
+        saving=_cost_range(job, "power", before) - _cost_range(job, "power", after),
         gain=f"{power:.1f} kW to within {percent:.0f} %",
     )
 

@@ -15,6 +15,7 @@ from turning_shop.advise import MIN_COST, Plan, best_plan, tried_plans
 from turning_shop.catalogue.inserts import read_insert
 from turning_shop.catalogue.materials import find_material
 from turning_shop.catalogue.start_values import read_grade, start_of
+from turning_shop.prediction import predict
 from turning_shop.start import Job, Question, Stock, job_of, sentence, start_advice
 from turning_shop.whatif import what_if
 
@@ -134,6 +135,38 @@ def test_advice_lies_within_makers_ranges(maker: Maker, machine: str) -> None:
     cuts = cheapest(job_of(question)).cuts
     assert maker.speeds[0] <= cuts.cutting_speed <= maker.speeds[1], maker.source
     assert maker.feeds[0] <= cuts.feed <= maker.feeds[1], maker.source
+
+
+class Cut(NamedTuple):
+    """A measured cut with a fresh edge."""
+
+    group: str
+    speed: float  # [m/min]
+    feed: float  # [mm/rev]
+    depth: float  # [mm]
+    force: float  # cutting force [N]
+    thrust: float  # resultant of feed and passive force [N]
+
+
+# Of sets like those of Chinchanikar (4340, 45 HRC), of Borsos (C45) and of 6351-T6.
+MEASURED = (
+    Cut("P9", 80.0, 0.1, 0.5, force=201.0, thrust=149.0),
+    Cut("P9", 120.0, 0.3, 1.0, force=910.0, thrust=720.0),
+    Cut("P2", 200.0, 0.3, 1.5, force=969.0, thrust=652.0),
+    Cut("N22", 300.0, 0.1, 1.0, force=82.0, thrust=12.0),
+    Cut("N22", 500.0, 0.3, 2.0, force=387.0, thrust=51.0),
+)
+
+
+@pytest.mark.parametrize("cut", MEASURED, ids=lambda cut: f"{cut.group}-{cut.force:.0f}N")
+def test_measured_forces_lie_in_the_catalogues_intervals(cut: Cut) -> None:
+    question = Question(cut.group, "CNMG120408-PM", f"{cut.group[0]}25", BAR, depth=cut.depth)
+    job = job_of(question)
+    cuts = what_if(job.scenario, cut.speed, cut.feed, wear=0.0)
+    prediction = predict(job.scenario, job.evidence, cuts, of_wear=True)
+    assert prediction.low["thrust_force"] <= cut.thrust <= prediction.high["thrust_force"]
+    power = cut.force * cut.speed / 60_000.0
+    assert prediction.low["power"] <= power <= prediction.high["power"]
 
 
 @pytest.mark.parametrize(

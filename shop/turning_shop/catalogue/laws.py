@@ -7,8 +7,8 @@ width of their sources as the covariance of the logarithms, as a fit does.
 import math
 
 import numpy as np
-from turning_shop.catalogue import start_values
-from turning_shop.catalogue.groups import EXPONENT_DEVIATION, FORCE_DEVIATION, Group
+from turning_shop.catalogue import start_values, thrust
+from turning_shop.catalogue.groups import EXPONENT_DEVIATION, Group
 from turning_shop.catalogue.start_values import (
     DEPTH_EXPONENT,
     FEED_EXPONENT,
@@ -30,16 +30,12 @@ WEAR_EXPONENT = 0.5
 
 Assumption: the readings of 72 pairs of materials of KIT-AMEL (AIST) have 0.39 to 0.73.
 """
-THRUST_SHARE = 0.45
-"""Thrust force over cutting force of a fresh edge [-] (assumption: 0.35 to 0.6)."""
-THRUST_SHARE_DEVIATION = 0.15  # log standard deviation of it (assumption, from the same range) [-]
 HARDNESS_EXPONENT = 0.75  # of force and power, as in the presets (assumption) [-]
 WEAR_HARDNESS_EXPONENT = 0.5  # of wear, as in the presets (assumption) [-]
 MANY = 1e6  # degrees of freedom of a width that is not estimated from rows
 
 ASSUMED = (
     f"flank wear grows with the root of time, W ~ t^{WEAR_EXPONENT:g}",
-    f"thrust is {THRUST_SHARE:g} of the cutting force (0.35 to 0.6)",
     f"thrust grows as 1 + {TYPICAL_GROWTH['thrust_force']:g} VB and power as "
     f"1 + {TYPICAL_GROWTH['power']:g} VB, with flank wear VB in mm, as on 13 tools of Vicomtech",
     "the entering angle is near 90 degrees",
@@ -63,11 +59,13 @@ def material_of(group: Group, start: Start, wear_criterion: float) -> Material:
         ),
         growth=TYPICAL_GROWTH["power"],
     )
+    share = thrust.share_of(group).value
+    at_unit_cut = (thrust.REFERENCE_FEED * thrust.REFERENCE_DEPTH) ** thrust.THINNING
     thrust_force = _worn(
         PowerLaw(
-            coefficient=THRUST_SHARE * group.kc11,
-            feed=force_feed,
-            depth_of_cut=1.0,
+            coefficient=share * at_unit_cut * group.kc11,
+            feed=force_feed - thrust.THINNING,
+            depth_of_cut=1.0 - thrust.THINNING,
             reference_depth_of_cut=1.0,
             hardness=HARDNESS_EXPONENT,
         ),
@@ -113,19 +111,25 @@ def wear_law(
 
 
 def evidence_of(
-    material: Material, start: Start, feeds: tuple[float, float], depths: tuple[float, float]
+    material: Material,
+    group: Group,
+    start: Start,
+    *,
+    feeds: tuple[float, float],
+    depths: tuple[float, float],
 ) -> dict[str, LawEvidence]:
     """Return the evidence for the laws: the width of their sources, and where these hold.
 
     Args:
         material: the laws.
+        group: the material's group.
         start: the start value.
         feeds: lowest and highest feed of the insert [mm/rev].
         depths: smallest and largest depth of cut of the insert [mm].
     """
     window = {"feed": feeds, "depth_of_cut": depths}
     by_speed = {"cutting_speed": (start.speeds.low, start.speeds.high)}
-    thrust_deviation = math.hypot(FORCE_DEVIATION, THRUST_SHARE_DEVIATION)
+    thrust_deviation = math.hypot(group.force_deviation, thrust.share_of(group).deviation)
     return {
         "wear": _wear_evidence(material.wear, start, measured=window | by_speed),
         "thrust_force": _load_evidence(
@@ -136,7 +140,7 @@ def evidence_of(
         ),
         "power": _load_evidence(
             material.power,
-            FORCE_DEVIATION,
+            group.force_deviation,
             scatter=TYPICAL_EDGE_SPREAD["power"],
             measured=window,
         ),
