@@ -50,7 +50,7 @@ FEATURES = import sys; from numpy._core._multiarray_umath import __cpu_dispatch_
 	print(*(name for name in names if sys.argv[1] == "all" or "AVX512" in name or name == "X86_V4"))
 TESTS ?= -m "not slow"
 
-.PHONY: help setup leaderboard agents seeds results verify check lint types fast test system control processors soak wheel clients audit constraints format density site clean
+.PHONY: help setup leaderboard agents seeds results verify check lint types fast test system control processors soak wheel clients constraints format site clean
 
 # The targets, each with the first sentence of its comment.
 help:
@@ -169,28 +169,18 @@ wheel: .venv/run
 clients: .venv/run
 	.venv/bin/python -m tools.clients --write docs/ecosystem.md $(CLIENTS)
 
-# Licences of the installed packages, and known vulnerabilities of all that packaging/constraints.txt pins.
-audit: .venv/test
-	$(INSTALL) --group audit
-	.venv/bin/python -m tools.audit
-	.venv/bin/pip-audit --require-hashes --disable-pip --progress-spinner off -r packaging/constraints.txt
-
 # Resolve pyproject.toml into packaging/constraints.txt, for all platforms. Versions stay, unless UPGRADE=--upgrade is given. Hashes of other builds stay
 # with their version, such as that of torch without CUDA, which the index does not serve: `pip hash` gives that of a new one.
 constraints: .venv/run
 	$(INSTALL) --group pin
 	.venv/bin/uv pip compile --quiet --universal --python-version 3.11.5 --generate-hashes --no-annotate \
 		--custom-compile-command "make constraints" $(UPGRADE) --no-emit-package rough-turning -o packaging/constraints.txt pyproject.toml shop/pyproject.toml \
-		$(addprefix --extra ,$(RUN_EXTRAS) $(TEST_EXTRAS)) --group setup --group audit --group pin
+		$(addprefix --extra ,$(RUN_EXTRAS) $(TEST_EXTRAS)) --group setup --group pin
 
 # Mend lint and form.
 format: .venv/test
 	.venv/bin/ruff check --fix .
 	.venv/bin/ruff format .
-
-# Syntax nodes, width, comments and more of the code, package by package, beside the goals.
-density:
-	$(PYTHON) tools/density.py
 
 # The site, in site/; SERVE=1 shows it while you write.
 site: .venv/test

@@ -5,13 +5,12 @@ Commands that would take long are made small.
 
 import re
 import sys
-from itertools import pairwise
 from pathlib import Path
 
 import pytest
 
 import turning_env
-from tests.walking import ROOT, Smaller, blocks, check, copy_to, run, walk
+from tests.walking import ROOT, Smaller, check, copy_to, run, walk
 
 DOCS = ROOT / "docs"
 SET_UP = ROOT / ".venv" / "test"
@@ -102,12 +101,6 @@ def copy(tmp_path: Path) -> Path:
 def test_a_page_is_true(name: str, copy: Path) -> None:
     assert TEXTS[name]
     walk(TEXTS[name], copy, SMALLER, ELSEWHERE)
-
-
-def test_the_readme_shows_what_its_program_prints() -> None:
-    """``test_a_page_is_true`` compares it with what the program prints."""
-    languages = [block.language for block in blocks(README)]
-    assert ("python", "text") in pairwise(languages)
 
 
 @pytest.mark.slow

@@ -126,7 +126,3 @@ def test_a_level_in_a_figure_is_the_return_of_its_policy() -> None:
     board = read_leaderboard(RESULTS / "RoughTurning-v0" / "rough_turning")
     mean_returns = {standing.name: standing.mean_return.value for standing in board.standings}
     assert mean_returns[name] == pytest.approx(float(level), abs=0.05)
-
-
-def test_figures_are_drawn_by_commands() -> None:
-    assert len(cases(DRAW)) == 3

@@ -1,1 +1,1 @@
-"""Programs for maintainers: soak, wheel, clients, audit, density."""
+"""Programs for maintainers: soak, wheel, clients."""
