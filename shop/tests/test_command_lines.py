@@ -1,0 +1,90 @@
+"""Command lines of the shop: help whose examples parse, exit statuses, and errors of one line."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.command_lines import check_help, check_mistake, command_modules, documented, parse
+from tests.test_command_lines import PACKAGES as BENCHMARK
+from tests.walking import ROOT
+
+PACKAGES = ("turning_shop", "turning_nc", "turning_control")
+OF_TURNING_ENV = ["calibrate", "predict", "whatif", "advise", "map", "program"]
+COMMANDS = [
+    *command_modules(ROOT / "shop", PACKAGES),
+    *[f"turning_env {name}" for name in OF_TURNING_ENV],
+    "turning_control serve",
+    "turning_control log",
+    "turning_control opcua",
+]
+
+MISTAKES = {
+    # A name that does not exist.
+    "turning_env program nothing.mpf --scenario rough_turning": "nothing.mpf",
+    "turning_env calibrate nothing.csv --out made.toml": "nothing.csv",
+    "turning_env predict nothing.csv": "nothing.csv",
+    "turning_env whatif nothing --cutting-speed 100 --feed 0.3 --wear 0.2": "nothing",
+    "turning_env advise nothing": "nothing",
+    "turning_env map nothing --wear 0.2 --out made.png": "nothing",
+    "turning_control nothing": "nothing",
+    "turning_control demo --scenario nothing": "nothing",
+    "turning_control serve --policy nothing": "nothing",
+    "turning_control shield --env nothing": "nothing",
+    "turning_nc.export_law check nothing.mpf": "nothing.mpf",
+    "turning_nc.export_law law --rule nobody --out made.mpf": "nobody",
+    # A folder in place of a file.
+    "turning_env calibrate . --out made.toml": ".",
+    "turning_env program . --scenario rough_turning": ".",
+    # A name with a spelling mistake: the nearest one is proposed.
+    "turning_env advise --material P6 --tool CNMG120408 --grade P25 --stok 80x200": (
+        "did you mean --stock?"
+    ),
+    "turning_control log opc.tcp://127.0.0.1:1 --appendix": "did you mean --append?",
+    # A number out of its range, or none.
+    "turning_env whatif forging --cutting-speed -1 --feed 0.3 --wear 0.2": "0.1 to 5000 m/min",
+    "turning_env whatif forging --cutting-speed 100 --feed 0.1:0.2 --wear 0.2": "0.1:0.2",
+    "turning_env map forging --wear 0.31 --out made.png": "0.3 mm",
+    "turning_env advise --material P6 --tool CNMG120408 --grade P25 --stock 80x200 --depth 2cm": (
+        "give mm, such as 2.5, or inch, such as 0.08in"
+    ),
+    "turning_env advise forging --seeds -1": "-1",
+    "turning_control shield --target x": "x",
+    "turning_control attack --candidates 0": "0",
+    "turning_nc.export_law law --rule one_line_law --tuning-seed -1 --out made.mpf": "-1",
+    # Options that are missing, or do not go together.
+    "turning_env whatif forging --cutting-speed 100 --feed 0.3": "--wear",
+    "turning_env whatif forging --cutting-speed 100 --feed 0.3 --wear 0.2 --time 1": "--time",
+    "turning_env program nothing.mpf --scenario rough_turning --tool T1": "T1",
+    "turning_env map forging --wear 0.2 --out made.txt": "made.txt",
+    "turning_control opcua --policy programmed": "--url",
+    "turning_nc.export_law law --rule tmac --out made.mpf": "one_line_law",
+}
+"""What the error must contain, by the command line with a mistake."""
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_shows_examples_that_parse(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    check_help(command, capsys)
+
+
+@pytest.mark.parametrize("command", MISTAKES)
+def test_a_mistake_is_an_error_of_one_line_and_writes_nothing(
+    command: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    check_mistake(command, MISTAKES[command], capsys)
+    assert not [path for path in tmp_path.rglob("*") if path.is_file()]
+
+
+@pytest.mark.slow
+def test_every_command_in_the_documentation_parses() -> None:
+    pages = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+    words_of_commands = documented(pages, PACKAGES)
+    shop_pages = sorted((ROOT / "shop").rglob("*.md"))
+    words_of_commands += documented(shop_pages, (*BENCHMARK, *PACKAGES))
+    assert words_of_commands
+    for words in words_of_commands:
+        parse(words)
