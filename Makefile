@@ -203,10 +203,10 @@ clean:
 .venv/test: .venv/run
 	$(call install,$(TEST_EXTRAS))
 	.venv/bin/python -m compileall -q -j 2 .venv/lib > .venv/bytecode.txt 2>&1 || true
-	(.venv/bin/mypy > .venv/types.txt || true) & .venv/bin/python -m tests.compile && touch .venv/compiled && wait
+	(.venv/bin/mypy > .venv/types.txt || true) & .venv/bin/python -m shop.tests.compile && touch .venv/compiled && wait
 	touch $@
 
 # Machine code of what the tests play, which a change of any source may change.
 .venv/compiled: $(shell find turning_env baselines train leaderboard research shop tests -name '*.py') | .venv/test
-	.venv/bin/python -m tests.compile
+	.venv/bin/python -m shop.tests.compile
 	touch $@

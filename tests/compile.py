@@ -5,13 +5,10 @@ The machine code is kept on disk, so a second run takes a few seconds.
 """
 
 import numpy as np
-from turning_control.core import Controller, Readings
-from turning_control.plant import Plant
 
 from baselines.oracles.clairvoyant import Grid, bounds
 from baselines.oracles.perfect_blanks import play_blanks
 from baselines.oracles.perfect_load import PerfectLoad
-from baselines.trivial import ConstantActions
 from baselines.warm_up import warm_up
 from research.studies import belief_bound
 from tests.turning_env.playing import changed
@@ -57,31 +54,14 @@ def compile_bounds() -> None:
     play_blanks(one_part, tuning_seeds(1), lambda ended: None)
 
 
-def compile_control() -> None:
-    """Observe the readings of a control, and move the plant."""
-    scenario = Scenario()
-    controller = Controller(
-        scenario, lambda num_envs: ConstantActions(np.zeros((num_envs, 2), np.float32))
-    )
-    readings = Readings(
-        spindle_speed=400.0,
-        feed_velocity=100.0,
-        in_feed=True,
-        cutting=True,
-        engaged_time=1.0,
-        power=4.0,
-        thrust_force=700.0,
-    )
-    controller.decide(readings)
-    Plant(scenario, seed=0).advance(
-        0.012, along=0.05, spindle_speed=400.0, velocity=4.0, in_feed=True
-    )
-
-
-if __name__ == "__main__":
+def compile_benchmark() -> None:
+    """Compile what the tests of the benchmark play."""
     compile_functions()
     warm_up()
     compile_families()
     compile_pictures()
     compile_bounds()
-    compile_control()
+
+
+if __name__ == "__main__":
+    compile_benchmark()

@@ -135,6 +135,6 @@ def test_every_link_of_the_readme_leads_somewhere() -> None:
 
 def test_every_file_that_the_page_of_guarantees_names_is_there() -> None:
     text = (DOCS / "soundness.md").read_text("utf-8")
-    named = set(re.findall(r"`((?:tests|studies|train|turning_env)/[\w/.]+)`", text))
+    named = set(re.findall(r"`((?:tests|shop|research|train|turning_env)/[\w/.]+)`", text))
     assert named
     assert {path for path in named if not (ROOT / path).exists()} == set()

@@ -30,8 +30,6 @@ MISTAKES = {
     "turning_control demo --scenario nothing": "nothing",
     "turning_control serve --policy nothing": "nothing",
     "turning_control shield --env nothing": "nothing",
-    "turning_nc.export_law check nothing.mpf": "nothing.mpf",
-    "turning_nc.export_law law --rule nobody --out made.mpf": "nobody",
     # A folder in place of a file.
     "turning_env calibrate . --out made.toml": ".",
     "turning_env program . --scenario rough_turning": ".",
@@ -50,14 +48,12 @@ MISTAKES = {
     "turning_env advise forging --seeds -1": "-1",
     "turning_control shield --target x": "x",
     "turning_control attack --candidates 0": "0",
-    "turning_nc.export_law law --rule one_line_law --tuning-seed -1 --out made.mpf": "-1",
     # Options that are missing, or do not go together.
     "turning_env whatif forging --cutting-speed 100 --feed 0.3": "--wear",
     "turning_env whatif forging --cutting-speed 100 --feed 0.3 --wear 0.2 --time 1": "--time",
     "turning_env program nothing.mpf --scenario rough_turning --tool T1": "T1",
     "turning_env map forging --wear 0.2 --out made.txt": "made.txt",
     "turning_control opcua --policy programmed": "--url",
-    "turning_nc.export_law law --rule tmac --out made.mpf": "one_line_law",
 }
 """What the error must contain, by the command line with a mistake."""
 

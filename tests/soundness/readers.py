@@ -20,9 +20,6 @@ import tomli_w
 from google.protobuf import json_format
 from hypothesis import strategies as st
 from pydantic import TypeAdapter
-from turning_shop import WorkshopError
-from turning_shop.headers import COLUMNS
-from turning_shop.measurements import Measurements, read_measurements
 
 from leaderboard.result import Result, ResultError, ResultFile, read_part, write_part
 from leaderboard.trajectories import Trajectories
@@ -231,18 +228,6 @@ def _check_family(family: Family, folder: Path) -> None:
     assert Scenario.load(job.scenario.portable()) == job.scenario
 
 
-def _check_measurements(table: Measurements, folder: Path) -> None:
-    """Check that every value is missing or in its range."""
-    for name, values in table.columns.items():
-        assert values.shape == table.lines.shape
-        column = COLUMNS[name]
-        missing = np.isnan(values)
-        zero = (values == 0.0) & column.may_be_zero
-        in_range = (column.low <= values) & (values <= column.high)
-        assert (missing | zero | in_range).all()
-    assert table.edges is None or table.edges.shape == table.lines.shape
-
-
 def _check_part(part: ResultFile | Trajectories, folder: Path) -> None:
     """Check that results or trajectories are the same after they were written."""
     write_part(part, folder / "again.json")
@@ -309,11 +294,6 @@ class Reader(NamedTuple):
 
 
 _OWN_SCENARIO = b'base = "forging"\nname = "mine"\n[limits]\npower = 11.0\n[workpiece]\nbars = 3\n'
-_OWN_TABLE = (
-    b"edge,cutting_speed,feed,depth_of_cut,time,wear\r\n"
-    b'"a, 1",150,.3,2,1e1,0.1\r\n'
-    b",120,0.2,2.5,,\r\n"
-)
 _OWN_FAMILY = b"""
 base = "shift"
 jobs = 8
@@ -367,10 +347,6 @@ def _valid_scenarios() -> tuple[bytes, ...]:
     return Scenario.load("override").to_toml().encode(), _OWN_SCENARIO
 
 
-def _valid_measurements() -> tuple[bytes, ...]:
-    return (ROOT / "shop" / "examples" / "cuts.csv").read_bytes(), _OWN_TABLE
-
-
 def _valid_results() -> tuple[bytes, ...]:
     return small_result(), lzma.compress(small_result(), preset=0)
 
@@ -393,13 +369,6 @@ READERS = {
         refusal=ScenarioError,
         valid=lambda: (_OWN_FAMILY,),
         check_content=_check_family,
-    ),
-    "measurements": Reader(
-        suffix=".csv",
-        read=read_measurements,
-        refusal=WorkshopError,
-        valid=_valid_measurements,
-        check_content=_check_measurements,
     ),
     "result": Reader(
         suffix=".json",
