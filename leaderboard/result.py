@@ -25,7 +25,6 @@ import lzma
 from collections.abc import Callable
 from functools import lru_cache
 from importlib.metadata import version
-from io import BytesIO
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeVar
 
@@ -47,7 +46,7 @@ from turning_env.files import digest_of, read_regular, replace_file
 from turning_env.scenario import PortableScenario
 from turning_env.scenario.family import Family
 from turning_env.scoring.play import EPISODE_FIELDS, EXCESS_TIMES, Episodes
-from turning_env.scoring.policy import PolicySpec, ScenarioId
+from turning_env.scoring.policy import Digest, PolicySpec, ScenarioId
 
 SCHEMA: Literal["rough-turning/results/5"] = "rough-turning/results/5"
 PACK_FILE = "results.json.xz"
@@ -55,9 +54,14 @@ TRAJECTORIES_FILE = "trajectories.json.xz"
 MANIFEST_FILE = "manifest.json"
 SUFFIX = ".json.xz"
 RESULTS = Path(__file__).parent / "results"  # the results that come with the project
-MAX_BYTES = 200_000_000  # largest size of a file, uncompressed
+MAX_BYTES = 100_000_000
+"""Largest size of a file, uncompressed, and of all results in a folder together.
+
+The results that ship have up to 7 MB in a folder.
+"""
 MIN_DICTIONARY = 4096  # smallest that xz allows [bytes]
 MAX_DICTIONARY = 64 << 20  # that of xz's preset 9 [bytes]
+MAX_XZ_MEMORY = 2 * MAX_DICTIONARY  # memory with which a file is decompressed [bytes]
 MAX_SEEDS = 10_000_000  # largest number of seeds in a range
 SCENARIO_FIELDS = tuple(name for name in EPISODE_FIELDS if name not in EXCESS_TIMES)
 """The fields of an episode that results keep.
@@ -79,6 +83,8 @@ Volumes and edges of different jobs do not add up.
 SIGNIFICANT_DIGITS = 6  # of the numbers in a manifest
 _FOLDER_NAME = "^[A-Za-z0-9_-][A-Za-z0-9_.-]{0,127}$"
 _RECORDED_VERSIONS = ("rough-turning", "numpy", "numba", "onnxruntime")
+MAX_VERSIONS = 20  # packages
+_Word = Annotated[str, Field(max_length=100)]
 _MAX_QUOTED = 60  # characters of a value that is quoted in a complaint
 
 
@@ -133,7 +139,7 @@ class Task(Part):
     # One per episode; for a family, job numbers. Private seeds are named by their places.
     seeds: Seeds
     # SHA-256 of private seeds, which a key determines. None: they are public.
-    private: str | None = None
+    private: Digest | None = None
     of_family: FamilySplit | None = None
 
     @model_validator(mode="after")
@@ -204,8 +210,9 @@ class Result(Part):
     task: Task
     policy: PolicySpec
     episodes: dict[str, list[float]]  # values by name in task.fields, one per seed
-    versions: dict[str, str]  # packages that played it; they do not identify the result
-    checksum: str  # SHA-256 of task, policy and episodes
+    # Packages that played it; they do not identify the result.
+    versions: Annotated[dict[_Word, _Word], Field(max_length=MAX_VERSIONS)]
+    checksum: Digest  # SHA-256 of task, policy and episodes
     excess: ExcessShares | None = None  # a summary beside the episodes; older results lack it
 
     @model_validator(mode="after")
@@ -301,7 +308,7 @@ class Entry(Part):
     removed: float | None = None  # metal [cm3]
     edges: float | None = None  # edges used up
     severe_share: float  # share of cutting time beyond a limit by more than the tolerance
-    sha256: str  # the result's checksum
+    sha256: Digest  # the result's checksum
 
     @classmethod
     def of(cls, result: Result) -> Self:
@@ -353,7 +360,11 @@ def read_file(path: Path) -> list[Result]:
         ResultError: the file cannot be read, or its path is not that of its content: folders are
             named after id and scenario, the file of one policy after the policy.
     """
-    file = read_part(ResultFile, path)
+    return _results_of(path, read_part(ResultFile, path))
+
+
+def _results_of(path: Path, file: ResultFile) -> list[Result]:
+    """Return the results of a file; ResultError if its path is not that of its content."""
     folder = result_folder(Path(), file.task.env_id, file.task.scenario.name)
     for result in file.results:
         expected = result_path(folder, result.policy)
@@ -380,13 +391,21 @@ def result_files(folder: Path) -> list[Path]:
 def read_results(folder: Path, complain: Callable[[str], None] | None = None) -> dict[str, Result]:
     """Return the results of one ``result_folder`` by the policies' labels.
 
-    Files that cannot be used are left out. ``complain`` receives their faults; if it is None, they
-    go to stderr.
+    Files that cannot be used are left out, and those after the first ``MAX_BYTES``. ``complain``
+    receives their faults; if it is None, they go to stderr.
     """
     results: dict[str, Result] = {}
+    total = 0
     for path in result_files(folder):
         try:
-            results_in_file = read_file(path)
+            if total > MAX_BYTES:
+                raise ResultError(
+                    f"{path} is not read, as the results before it in its folder hold more than "
+                    f"{MAX_BYTES} bytes"
+                )
+            part, size = _read(ResultFile, path)
+            total += size
+            results_in_file = _results_of(path, part)
         except ResultError as error:
             if complain is not None:
                 complain(str(error))
@@ -453,10 +472,17 @@ def read_part(kind: type[PartType], path: Path) -> PartType:
 
     Raise ResultError if the file cannot be read, or if something in it is not allowed.
     """
+    part, _ = _read(kind, path)
+    return part
+
+
+def _read(kind: type[PartType], path: Path) -> tuple[PartType, int]:
+    """Return a part, see ``read_part``, and its file's size [bytes], uncompressed."""
     try:
         content = read_regular(path, MAX_BYTES)
-        part: PartType = _parsed(kind, content, compressed=path.name.endswith(".xz"))
-        return part
+        part: PartType
+        part, size = _parsed(kind, content, compressed=path.name.endswith(".xz"))
+        return part, size
     except ValidationError as error:
         raise ResultError(f"{path}: {_complaint(error)}") from error
     except OSError as error:
@@ -468,19 +494,32 @@ def read_part(kind: type[PartType], path: Path) -> PartType:
 # A run reads its folder again after each policy. The content is the key, so nothing is outdated;
 # parsing takes up to a second per folder, and reading the content a millisecond.
 @lru_cache(256)
-def _parsed(kind: type[PartType], content: bytes, compressed: bool) -> PartType:
+def _parsed(kind: type[PartType], content: bytes, compressed: bool) -> tuple[PartType, int]:
+    """Return the part of a content, and its size [bytes], uncompressed."""
     if compressed:
-        with lzma.open(BytesIO(content), format=lzma.FORMAT_XZ) as stream:
-            content = stream.read(MAX_BYTES + 1)
-    if len(content) > MAX_BYTES:
+        content = _decompressed(content)
+    return kind.model_validate(from_json(content)), len(content)
+
+
+def _decompressed(content: bytes) -> bytes:
+    """Return the content of an xz file; a small file may hold, or ask for, very much."""
+    decompressor = lzma.LZMADecompressor(lzma.FORMAT_XZ, memlimit=MAX_XZ_MEMORY)
+    plain = decompressor.decompress(content, max_length=MAX_BYTES + 1)
+    if len(plain) > MAX_BYTES:
         raise ValueError(f"it holds more than {MAX_BYTES} bytes")
-    return kind.model_validate(from_json(content))
+    if not decompressor.eof:
+        raise EOFError("it ends too early")
+    if decompressor.unused_data:
+        raise ValueError("bytes follow its end")
+    return plain
 
 
 def write_part(part: Part, path: Path) -> None:
     """Write a file whole or not at all, compressed if its name ends in .xz; make its folder."""
     text = json.dumps(part.model_dump(by_alias=True), allow_nan=False)
     content = f"{text}\n".encode()
+    if len(content) > MAX_BYTES:
+        raise ResultError(f"{path} would hold {len(content)} bytes, but may hold {MAX_BYTES}")
     if path.name.endswith(".xz"):
         content = _compressed(content)
     write_whole(path, content)

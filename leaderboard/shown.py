@@ -1,7 +1,7 @@
 """Texts of agents' files as cards and pages show them: short, in one line, and never markup.
 
-A file may come from a stranger. Its parameters hold any JSON, up to a megabyte, with HTML, Markdown
-or control characters.
+A file may come from a stranger. Its parameters hold any JSON, up to 100,000 characters, with HTML,
+Markdown or control characters.
 """
 
 import re

@@ -3,16 +3,28 @@
 No reader waits for ever, fills the memory or ends in a traceback.
 """
 
+import json
+import lzma
 import os
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from leaderboard.__main__ import main
 from leaderboard.policies import SUMS, agent_files
-from leaderboard.result import MANIFEST_FILE, PACK_FILE, TRAJECTORIES_FILE, Task, write_manifest
-from leaderboard.result import write_result as write
+from leaderboard.result import (
+    MANIFEST_FILE,
+    PACK_FILE,
+    TRAJECTORIES_FILE,
+    ResultError,
+    Task,
+    read_file,
+    read_results,
+    write_manifest,
+    write_result,
+)
 from tests.leaderboard.conftest import MakeResult
 
 Place = Callable[[Path], object]
@@ -28,7 +40,7 @@ ODD_FILES: dict[str, Place] = {"pipe": os.mkfifo, "device": to_zero, "folder": P
 @pytest.fixture
 def board(make_result: MakeResult, task: Task, folder: Path) -> Path:
     """A folder with one result and its manifest."""
-    write(make_result("one"), folder)
+    write_result(make_result("one"), folder)
     write_manifest(folder, task)
     return folder
 
@@ -83,3 +95,73 @@ def test_a_list_of_agents_names_nothing_outside_its_folder(line: str, tmp_path: 
     assert list(files) == ["1" * 64]
     (complaint,) = complaints
     assert complaint.startswith(f"{tmp_path / SUMS}: line 2 is left out")
+
+
+def damaged(path: Path, change: Callable[[Any], None]) -> None:
+    """Change the content of a file of results."""
+    content = json.loads(lzma.decompress(path.read_bytes()))
+    change(content)
+    path.write_bytes(lzma.compress(json.dumps(content).encode(), preset=0))
+
+
+TOO_LONG: dict[str, Callable[[Any], None]] = {
+    "policy.description": lambda result: result["policy"].update(description="x" * 10_001),
+    "policy.command": lambda result: result["policy"].update(command="x" * 10_001),
+    "policy.parameters": lambda result: result["policy"].update(parameters={"x": "y" * 100_000}),
+    "policy.sha256": lambda result: result["policy"].update(sha256="0" * 65),
+    "policy.tuned_for.digest": lambda result: result["policy"].update(
+        tuned_for={"name": "shift", "digest": "0" * 65}
+    ),
+    "versions": lambda result: result.update(versions={f"p{n}": "1" for n in range(21)}),
+    "versions.numpy": lambda result: result["versions"].update(numpy="1" * 101),
+    "checksum": lambda result: result.update(checksum="0" * 65),
+}
+
+
+@pytest.mark.parametrize("field", TOO_LONG)
+def test_a_text_of_a_result_has_a_largest_length(field: str, board: Path) -> None:
+    path = board / "one.json.xz"
+    damaged(path, lambda content: TOO_LONG[field](content["results"][0]))
+    with pytest.raises(ResultError, match=rf"results\.0\.{field}") as refusal:
+        read_file(path)
+    assert len(str(refusal.value)) < 1_000
+
+
+@pytest.mark.slow
+def test_results_of_a_folder_have_a_largest_size_together(
+    make_result: MakeResult, board: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    padding = b" " * 60_000_000
+    for name in ("a", "b"):
+        write_result(make_result(name), board)
+        path = board / f"{name}.json.xz"
+        content = lzma.decompress(path.read_bytes())
+        path.write_bytes(lzma.compress(content + padding, preset=0))
+    complaints: list[str] = []
+    assert set(read_results(board, complaints.append)) == {"a", "b"}
+    (complaint,) = complaints
+    assert complaint.startswith(f"{board / 'one.json.xz'} is not read")
+
+
+@pytest.mark.parametrize(
+    ("content", "complaint"),
+    [
+        (lzma.compress(b" " * 100_000_001, preset=0), "holds more than 100000000 bytes"),
+        (lzma.compress(b"{}")[:-5], "ends too early"),
+        (lzma.compress(b"{}") * 2, "bytes follow its end"),
+        (
+            lzma.compress(
+                b"{}", filters=[{"id": lzma.FILTER_LZMA2, "preset": 0, "dict_size": 1 << 30}]
+            ),
+            "[Mm]emory",
+        ),
+    ],
+    ids=["large", "cut off", "two", "dictionary"],
+)
+def test_a_compressed_file_that_asks_for_much_is_refused(
+    content: bytes, complaint: str, board: Path
+) -> None:
+    path = board / "one.json.xz"
+    path.write_bytes(content)
+    with pytest.raises(ResultError, match=rf"one\.json\.xz cannot be read: .*{complaint}"):
+        read_file(path)

@@ -31,7 +31,14 @@ from turning_env import ALL_IDS, FAMILY_ID, IDS, Family, Scenario
 from turning_env.batch.driver import action_space, observation_space
 from turning_env.files import read_regular
 from turning_env.scenario import PortableScenario
-from turning_env.scoring.policy import Policy, PolicyFactory, PolicySpec, ScenarioId
+from turning_env.scoring.policy import (
+    Parameters,
+    Policy,
+    PolicyFactory,
+    PolicySpec,
+    ScenarioId,
+    Text,
+)
 from turning_env.scoring.sandbox_child import Outline
 
 NAME = r"^[A-Za-z0-9_][A-Za-z0-9_.-]{0,127}$"
@@ -76,10 +83,10 @@ class Metadata(BaseModel):
     """Scenario of the training: its name and the values that differ from the defaults."""
     observation_space: Space
     action_space: Space
-    parameters: dict[str, JsonValue]
+    parameters: Parameters
     """The algorithm's hyperparameters, and what else the training states of itself."""
     trained_steps: int = Field(ge=0, le=MAX_NUMBER)
-    command: str
+    command: Text
     """Command line of the training."""
     versions: dict[str, str]
     """Versions of the packages that made the file."""

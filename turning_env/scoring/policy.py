@@ -1,12 +1,21 @@
 """Policies and their identity, for controllers, agents and oracles."""
 
+import json
 import re
 from collections.abc import Callable
-from typing import Any, Literal, Protocol, Self
+from typing import Annotated, Any, Literal, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, JsonValue, field_validator, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    JsonValue,
+    field_validator,
+    model_validator,
+)
 
 from turning_env.scenario import Scenario
 
@@ -35,6 +44,9 @@ MAX_NAME = 200
 """Largest number of bytes of a policy's name. With a training seed and a suffix it names a file,
 whose name may have 255."""
 MAX_TRAINING_SEED = 2**63 - 1
+MAX_TEXT = 10_000  # characters of a description or a command
+MAX_PARAMETERS = 100_000  # characters of parameters, as JSON
+DIGEST_LENGTH = 64  # characters of a SHA-256
 
 PolicyFactory = Callable[[int], Policy]
 """Makes a policy for a number of environments."""
@@ -44,6 +56,19 @@ def _known_by_name(num_envs: int) -> Policy:
     raise ValueError("a policy that is known by name only cannot play: load the policy itself")
 
 
+def _of_moderate_size(parameters: dict[str, JsonValue]) -> dict[str, JsonValue]:
+    """Refuse parameters that are larger than any training's."""
+    size = len(json.dumps(parameters))
+    if size > MAX_PARAMETERS:
+        raise ValueError(f"{size} characters of parameters, but at most {MAX_PARAMETERS} are read")
+    return parameters
+
+
+Text = Annotated[str, Field(max_length=MAX_TEXT)]
+Digest = Annotated[str, Field(max_length=DIGEST_LENGTH)]
+Parameters = Annotated[dict[str, JsonValue], AfterValidator(_of_moderate_size)]
+
+
 class ScenarioId(BaseModel):
     """A scenario's name, and the digest of its values."""
 
@@ -51,7 +76,7 @@ class ScenarioId(BaseModel):
 
     name: str = Field(pattern="^[A-Za-z0-9_-][A-Za-z0-9_.-]{0,63}$")
     """It also names a folder."""
-    digest: str
+    digest: Digest
 
     @classmethod
     def of(cls, scenario: Scenario) -> Self:
@@ -73,8 +98,8 @@ class PolicySpec(BaseModel):
     """Version of a rule or an oracle, raised when its actions change (golden actions)."""
     kind: Literal["rule", "agent", "oracle"] = "rule"
     """An oracle sees hidden quantities, or is a bound that nobody can play."""
-    description: str = ""
-    parameters: dict[str, JsonValue] = Field(default_factory=dict)
+    description: Text = ""
+    parameters: Parameters = Field(default_factory=dict)
     """A rule's settings, or hyperparameters of an agent's training."""
     knows: Literal["nominal", "true_wear", "true_forms", "true_laws"] = "nominal"
     """Model from which a family's policy is built: each job's nominal one, also with the true wear
@@ -83,8 +108,8 @@ class PolicySpec(BaseModel):
     forgets: bool = False  # whether it forgets everything at each change of the edge
     training_seed: int | None = Field(default=None, ge=0, le=MAX_TRAINING_SEED)
     """Training seed of an agent. Agents of one name are one policy on a leaderboard."""
-    sha256: str | None = None  # SHA-256 of an agent's file
-    command: str | None = None  # the command that trained an agent or tuned a rule
+    sha256: Digest | None = None  # SHA-256 of an agent's file
+    command: Text | None = None  # the command that trained an agent or tuned a rule
     tuned_for: ScenarioId | None = None
     """The scenario on which it was tuned or trained; None: the one that it plays."""
     trained_on: Scenario | None = Field(default=None, exclude=True, repr=False)
