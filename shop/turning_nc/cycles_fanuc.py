@@ -6,8 +6,10 @@ format, which is known by its words D, I and K.
 """
 
 import contextlib
+import math
 from dataclasses import dataclass
 
+from turning_nc.blocks import dwell_time
 from turning_nc.contours import (
     add_passes,
     choose_side,
@@ -330,17 +332,59 @@ def _length_or_steps(control: Control, word: Word | None, of_steps: str) -> floa
 
 
 def _drill(control: Control, line: Line, code: int) -> None:
-    """Run G81, G82, G83 or G84 as one move along Z and back."""
-    start = control.here
-    path = Path(start, Point(control.target(line).z, start.x))
+    """Run G81, G82, G83 or G84: rapidly to the hole and to point R, one move along Z, and back."""
+    repeats = line.first("K")
+    if repeats is not None and repeats.value != 1.0:
+        raise BlockError(f"G{code} with K{repeats.text}, repeats of a hole, is not understood")
+    bottom = control.target(line)
+    initial = Point(control.z, bottom.x)
+    near = _point_near_hole(control, line.first("R"), initial, bottom)
+    control.go_rapidly(initial, near)
+
     # G84 taps: F is the lead of its thread.
     is_thread = code == 84
     # A tap that is fed per minute turns as often as the spindle meanwhile.
     is_lead = is_thread and control.per_revolution
     with _feed_of(control, is_lead):
-        control.add(path, "thread" if is_thread else "feed")
-    control.go_rapidly(start)
+        control.add(Path(near, bottom), "thread" if is_thread else "feed")
+    pause = line.first("P")
+    if pause is not None:
+        control.add(Path(bottom, bottom), "dwell", time=dwell_time(control, pause))
+    control.go_rapidly(initial)
     control.is_drilling = True
+
+
+def _point_near_hole(control: Control, word: Word | None, initial: Point, bottom: Point) -> Point:
+    """Return point R, from which a drilling cycle feeds: the initial point without the word R.
+
+    R of a Fanuc is the distance from the initial point. R of LinuxCNC and of Haas is a place along
+    Z.
+
+    Raises:
+        BlockError: the tool would pass the bottom of the hole, or go away from it.
+    """
+    if word is None:
+        return initial
+    place = control.length(word)
+    if control.linuxcnc and control.absolute:
+        z = place
+    elif control.linuxcnc or place * (bottom.z - initial.z) >= 0.0:
+        z = initial.z + place
+    else:
+        z = place
+        control.note(
+            "R of the drilling cycle would lead away from the hole, so it is taken as a place "
+            "along Z (assumption)"
+        )
+    inwards = math.copysign(1.0, bottom.z - initial.z)
+    passes_bottom = (bottom.z - z) * inwards < 0.0
+    goes_away = (z - initial.z) * inwards < 0.0
+    # LinuxCNC goes to R first, also if it starts nearer to the hole.
+    if passes_bottom or (goes_away and not control.linuxcnc):
+        raise BlockError(
+            f"R{word.text} is not between the start of the drilling cycle and the hole's bottom"
+        )
+    return Point(z, initial.x)
 
 
 def _feed_of(control: Control, is_thread: bool) -> contextlib.AbstractContextManager[None]:

@@ -26,6 +26,8 @@ MAX_RATE = 1e6
 # Machine functions that do not change the path, or are read elsewhere (ISO 6983 and Fanuc).
 _KNOWN_M = {*range(10), 13, 14, 17, 30, *range(40, 46), 98, 99}
 COORDINATES = ("X", "Z", "U", "W")
+FEED_MODES_OF_LINUXCNC = {94: False, 95: True}
+"""G functions of feeds there, and whether these are per revolution."""
 _SIZES = frozenset("UWRDIK")  # addresses of lengths in cycles
 
 # Functions of Fanuc whose coordinates are none of a box cycle.
@@ -84,6 +86,7 @@ class Modal:
     def __post_init__(self) -> None:
         """Look through the program for what it states anywhere, and note assumptions."""
         self.dialect = self.program.dialect
+        self.feed_modes = self.dialect.feed_modes
         self.fanuc = self.dialect.system != ""
         lines = list(itertools.chain.from_iterable(self.program.parts.values()))
         self.line = lines[0]
@@ -96,7 +99,10 @@ class Modal:
         if not self.states_unit:
             self._take_unit()
         self.linuxcnc = self._is_of_linuxcnc(words, codes)
-        if self.linuxcnc and not codes & self.dialect.feed_modes.keys():
+        if self.linuxcnc:
+            # There, G98 and G99 are the levels to which drilling cycles return.
+            self.feed_modes = FEED_MODES_OF_LINUXCNC
+        if self.linuxcnc and not codes & self.feed_modes.keys():
             # LinuxCNC starts with G94, Fanuc's lathes with G99.
             self.per_revolution = False
             self.note(
@@ -246,8 +252,8 @@ class Modal:
             self.diameter = "DIAMON" if 7 in codes else "DIAMOF"
         if codes & {90, 91}:
             self.absolute = 90 in codes
-        for code in codes & self.dialect.feed_modes.keys():
-            per_revolution = self.dialect.feed_modes[code]
+        for code in codes & self.feed_modes.keys():
+            per_revolution = self.feed_modes[code]
             # A feed per minute is none per revolution: the next F must follow.
             if per_revolution != self.per_revolution:
                 self.feed = Setting()

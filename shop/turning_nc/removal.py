@@ -38,6 +38,7 @@ MAX_COLLISION = 2.0  # area that a rapid move may sweep in metal without a warni
 MAX_GOUGE = 5.0  # area that the back of an insert may take from the part without a warning [mm2]
 # Radius beyond the axis, over the largest one on the tool's own side, that a facing tool may reach.
 MAX_PAST_AXIS = 0.2
+MAX_OFF_AXIS = 0.05  # distance of a drill from the axis that counts as none [mm]
 FAR = 1e5  # radius beyond every stock [mm]
 
 
@@ -107,7 +108,10 @@ def remove(moves: Moves, stock: Any, tools: Mapping[str, str] = {}) -> Removal:
         tools=kinds,
         rapids=cutting.rapids,
         gouged=cutting.gouged(part),
-        notes=_notes(kinds, tools, mirrored=mirrored, in_solid=in_solid),
+        notes=(
+            *_notes(kinds, tools, mirrored=mirrored, in_solid=in_solid),
+            *_notes_on_drills(cutting.at_corner),
+        ),
     )
 
 
@@ -135,6 +139,14 @@ def _notes(
                 f"as outside: give a tube, or set --tool {name}=KIND"
             )
     return tuple(notes)
+
+
+def _notes_on_drills(at_corner: set[str]) -> list[str]:
+    """Return notes on drills that are programmed at their corners."""
+    return [
+        f"drill {name} is programmed at its diameter, so X is taken as its corner (assumption)"
+        for name in sorted(at_corner)
+    ]
 
 
 def _tools_beyond_axis(moves: Moves) -> set[str]:
@@ -202,6 +214,8 @@ class _Cutting:
         self._mirrored = mirrored
         self._threading = threading
         self._shapes = {name: tool_shape(kind) for name, kind in kinds.items()}
+        self._drills = _radii_of_drills(kinds)
+        self.at_corner: set[str] = set()  # drills that are programmed at their corners
         self._slim_shapes = _slim_shapes(kinds)
         self._left_by_slim = Metal(stock) if self._slim_shapes else None
         self._taken: list[_Taken] = []
@@ -224,9 +238,8 @@ class _Cutting:
         shape = self._shapes[move.tool]
         if shape is None or math.dist(start, end) < SAME:
             return AIR
-        if move.tool in self._mirrored:
-            start = Point(start.z, -start.x)
-            end = Point(end.z, -end.x)
+        start = self._placed(move.tool, start)
+        end = self._placed(move.tool, end)
         if move.kind == "rapid":
             # A tool that withdraws to where it came from rubs along each ridge of a shoulder, which
             # would take long to compute.
@@ -248,6 +261,7 @@ class _Cutting:
                 area_before = self.rapids.get(move.line, 0.0)
                 self.rapids[move.line] = max(area_before, area)
             return AIR
+        self._check_drill(move, start, end=end)
         metal = metal[areas > 0.0]
         self.left.take(sweep.area, places)
         self._taken.append(_Taken(move.line, metal))
@@ -259,6 +273,32 @@ class _Cutting:
             slim_places = self._left_by_slim.meeting(slim_sweep.area)
             self._left_by_slim.take(slim_sweep.area, slim_places)
         return _sliced(sweep, metal, area=area)
+
+    def _placed(self, tool: str, point: Point) -> Point:
+        """Return where a tool is that is programmed at a point.
+
+        One at negative X is mirrored. A drill may be programmed at its corner, as one of 10 mm at
+        X10; then it is on the axis.
+        """
+        radius = self._drills.get(tool)
+        if radius is not None and math.isclose(abs(point.x), radius, abs_tol=MAX_OFF_AXIS):
+            self.at_corner.add(tool)
+            return Point(point.z, 0.0)
+        if tool in self._mirrored:
+            return Point(point.z, -point.x)
+        return point
+
+    def _check_drill(self, move: Move, start: Point, end: Point) -> None:
+        """Check that a tool that cuts is no drill beside the axis.
+
+        Raises:
+            NcError: it is one.
+        """
+        if move.tool in self._drills and max(abs(start.x), abs(end.x)) > MAX_OFF_AXIS:
+            raise NcError(
+                f"line {move.line}: the drill {move.tool} cuts at X{2.0 * end.x:g} mm, but a fixed "
+                "drill cuts on the axis, X0"
+            )
 
     def slices(self) -> Slices:
         """Return the slices of all moves."""
@@ -323,6 +363,16 @@ class _Cutting:
         areas = np.bincount(line_of_polygon[may_gouge], gouged_areas)
         gouging_lines = np.flatnonzero(areas > MAX_COLLISION)
         return {int(line): float(areas[line]) for line in gouging_lines}
+
+
+def _radii_of_drills(kinds: Mapping[str, str]) -> dict[str, float]:
+    """Return the radii of the drills whose diameters are known [mm]."""
+    radii = {}
+    for name, kind in kinds.items():
+        family, _, diameter = kind.partition(":")
+        if family == DRILL and diameter:
+            radii[name] = 0.5 * float(diameter)
+    return radii
 
 
 def _slim_shapes(kinds: Mapping[str, str]) -> dict[str, Values]:
