@@ -8,6 +8,7 @@ import argparse
 import difflib
 import functools
 import inspect
+import io
 import os
 import re
 import shutil
@@ -170,6 +171,7 @@ def exits(
     def decorated(command: Callable[_P, int]) -> Callable[_P, int]:
         @functools.wraps(command)
         def run(*args: _P.args, **kwargs: _P.kwargs) -> int:
+            _print_any_name()
             try:
                 status = command(*args, **kwargs)
                 sys.stdout.flush()
@@ -193,6 +195,15 @@ def exits(
         return run
 
     return decorated
+
+
+def _print_any_name() -> None:
+    """Have stdout escape what it cannot encode, such as a file's name that is not UTF-8.
+
+    stderr does so anyway.
+    """
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")
 
 
 def _message(error: Exception) -> str | None:

@@ -6,6 +6,8 @@ No reader waits for ever, fills the memory or ends in a traceback.
 import json
 import lzma
 import os
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -27,6 +29,7 @@ from leaderboard.result import (
 )
 from tests.leaderboard.conftest import MakeResult
 
+ROOT = Path(__file__).parents[2]
 Place = Callable[[Path], object]
 
 
@@ -165,3 +168,20 @@ def test_a_compressed_file_that_asks_for_much_is_refused(
     path.write_bytes(content)
     with pytest.raises(ResultError, match=rf"one\.json\.xz cannot be read: .*{complaint}"):
         read_file(path)
+
+
+@pytest.mark.slow
+def test_a_name_that_is_not_utf_8_is_printed_escaped(board: Path, tmp_path: Path) -> None:
+    results = tmp_path / os.fsdecode(b"r\xff")
+    board.parents[1].rename(results)
+    command = [sys.executable, "-m", "leaderboard", "page", "--results", str(results)]
+    ended = subprocess.run(
+        command,
+        cwd=ROOT,
+        env=os.environ | {"PYTHONIOENCODING": "utf-8"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert r"r\udcff/index.html" in ended.stdout
+    assert (results / "index.html").is_file()

@@ -137,7 +137,16 @@ REFUSED: dict[str, tuple[Change, str]] = {
         resized(1, 12),
         "has inputs {'observation': 12}, but must have {'observation': 11}",
     ),
-    "a fixed number of environments": (resized(0, 4), "'observation' must be float32 of shape"),
+    "a fixed number of environments": (
+        resized(0, 4),
+        "'observation' must be float32 of shape .*: export it with a dynamic batch axis",
+    ),
+    "numbers of 64 bits": (
+        lambda model: setattr(
+            model.graph.input[0].type.tensor_type, "elem_type", onnx.TensorProto.DOUBLE
+        ),
+        "'observation' must be float32 of shape .*: export it with a dynamic batch axis",
+    ),
     "another output": (
         lambda model: setattr(model.graph.output[0], "name", "deed"),
         "has outputs {'deed': 2}, but must have {'action': 2}",
@@ -229,3 +238,12 @@ def test_an_agent_plays_other_scenarios_that_mean_the_same(tmp_path: Path) -> No
         agent_file.check_fits(agent, Scenario.load("override"))
     with pytest.raises(ValueError, match=r"control\.edge_changes"):
         agent_file.check_fits(agent, Scenario.load("shift"))
+
+
+@pytest.mark.parametrize("text", [b"rough-turning/agent", b"algorithm", b"observation\x12"])
+def test_a_damaged_text_is_refused(text: bytes) -> None:
+    content = onnx_agents.content()
+    damaged = content.replace(text, b"\xff" + text[1:])
+    assert damaged != content
+    with pytest.raises(ValueError, match=r"is damaged: b'.xff.*' in it is not UTF-8"):
+        agent_file.checked(damaged)

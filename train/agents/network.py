@@ -11,6 +11,7 @@ import numpy as np
 import onnx
 
 from turning_env.scoring.onnx_session import (
+    EXPORT,
     Floats,
     OnnxPolicy,
     check_actions,
@@ -41,6 +42,7 @@ OPERATORS = frozenset(_OPERATORS.split())
 TOLERANCE = 1e-4
 """Largest difference of an environment's action when other environments are in the batch: sums may
 be taken in another order."""
+_MAX_QUOTED = 60  # characters of a damaged text that an error quotes
 _NUM_ENVS = 8  # with which a network is tried
 _DOMAINS = ("", "ai.onnx")  # both name ONNX's own operators
 
@@ -59,6 +61,7 @@ def read(content: bytes) -> tuple[onnx.ModelProto, Outline]:
         raise ValueError(f"is no ONNX file: {error}") from error
     if not model.HasField("graph"):
         raise ValueError("is no ONNX file: it has no graph")
+    _check_texts(model)
     _check_plain(model)
 
     properties = {entry.key: entry.value for entry in model.metadata_props}
@@ -69,6 +72,18 @@ def read(content: bytes) -> tuple[onnx.ModelProto, Outline]:
     inputs = {value.name: _entries(value) for value in model.graph.input}
     outputs = {value.name: _entries(value) for value in model.graph.output}
     return model, Outline(properties, inputs, outputs)
+
+
+def _check_texts(model: onnx.ModelProto) -> None:
+    """Raise ValueError unless names and metadata are text: damaged ones are read as bytes."""
+    texts: list[Any] = []
+    for entry in model.metadata_props:
+        texts += [entry.key, entry.value]
+    for value in [*model.graph.input, *model.graph.output]:
+        texts.append(value.name)
+    for text in texts:
+        if not isinstance(text, str):
+            raise ValueError(f"is damaged: {text[:_MAX_QUOTED]!r} in it is not UTF-8")
 
 
 def _check_plain(model: onnx.ModelProto) -> None:
@@ -131,7 +146,8 @@ def _entries(value: onnx.ValueInfoProto) -> int:
     is_float = tensor.elem_type == onnx.TensorProto.FLOAT
     if not is_float or len(axes) != 2 or axes[0].HasField("dim_value"):
         raise ValueError(
-            f"{value.name!r} must be float32 of shape (any number of environments, entries)"
+            f"{value.name!r} must be float32 of shape (any number of environments, entries): "
+            f"{EXPORT}"
         )
     return int(axes[1].dim_value)
 

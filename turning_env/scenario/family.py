@@ -48,7 +48,13 @@ from turning_env.scenario.scenario import (
     table_of,
 )
 from turning_env.scenario.scenario_batch import ScenarioBatch
-from turning_env.scenario.section import Section, declared_ranges, few, names_instead
+from turning_env.scenario.section import (
+    MAX_LISTED,
+    Section,
+    declared_ranges,
+    few,
+    names_instead,
+)
 
 Array = NDArray[np.float64]
 Values = dict[str, Any]
@@ -245,14 +251,57 @@ def makes_sense(true: ScenarioBatch, plan: Plan) -> NDArray[np.bool_]:
       life and on bars two standard deviations deeper and harder.
     * In truth an edge lasts more than 2 min at the nominal model's best set point.
     """
+    sensible = np.ones(true.num_scenarios, np.bool_)
+    for condition in _conditions(true, plan):
+        sensible &= condition.met
+    return sensible
+
+
+class _Condition(NamedTuple):
+    """A condition of jobs that make sense."""
+
+    met: NDArray[np.bool_]  # by which jobs, shape (jobs,)
+    fault: str  # of jobs that do not meet it
+    depends_on: tuple[str, ...]  # sections and fields
+
+
+_LOADS = ("limits", "machine", "spindle", "workpiece", "material.thrust_force", "material.power")
+_LIVES = ("material.wear", "tool.wear_criterion")
+
+
+def _conditions(true: ScenarioBatch, plan: Plan) -> tuple[_Condition, ...]:
+    """Return the conditions of ``makes_sense``."""
     grid = SetPointGrid(true)
     nominal_life = plan.life[:, MIDDLE]
     true_life = 1.0 / grid.life_rate_near(plan.speed[:, MIDDLE], plan.feed[:, MIDDLE])
-    lasts = (nominal_life > _MIN_NOMINAL_LIFE) & (nominal_life < _MAX_NOMINAL_LIFE)
-    lasts &= true_life > _MIN_TRUE_LIFE
     excess = grid.excess(USED_LIVES[-1], deviations=2.0)
-    bearable = (excess <= true.limits.overload_tolerance).any(axis=(1, 2))
-    return np.asarray(plan.feasible.all(axis=1) & lasts & bearable)
+    return (
+        _Condition(
+            plan.feasible.all(axis=1),
+            "by the nominal model no cutting speed and feed is within limits.thrust_force and "
+            "limits.power",
+            _LOADS,
+        ),
+        _Condition(
+            (nominal_life > _MIN_NOMINAL_LIFE) & (nominal_life < _MAX_NOMINAL_LIFE),
+            "by the nominal model an edge does not last "
+            f"{_MIN_NOMINAL_LIFE:g} to {_MAX_NOMINAL_LIFE:g} min at the best cutting speed and "
+            "feed (material.wear, tool.wear_criterion)",
+            (*_LIVES, *_LOADS),
+        ),
+        _Condition(
+            true_life > _MIN_TRUE_LIFE,
+            f"in truth an edge does not last {_MIN_TRUE_LIFE:g} min at the nominal model's best "
+            "cutting speed and feed (material.wear, mismatch.wear_factor)",
+            (*_LIVES, "mismatch", *_LOADS),
+        ),
+        _Condition(
+            (excess <= true.limits.overload_tolerance).any(axis=(1, 2)),
+            "in truth every cutting speed and feed exceeds limits.thrust_force or limits.power "
+            "on a worn edge",
+            (*_LOADS, "mismatch"),
+        ),
+    )
 
 
 class Family(Section):
@@ -505,19 +554,37 @@ class Family(Section):
             if attempts.max() > _MAX_ATTEMPTS:
                 raise ValueError(
                     f"{_MAX_ATTEMPTS} jobs in a row make no sense in split {split!r}: "
-                    f"check ranges and limits{self._fields_outside(jobs)}"
+                    f"{self._reason(jobs)}"
                 )
         # All in one, so that arrays have one row for each number, whenever it was accepted.
         return self._attempt(split, numbers, attempts)
 
-    def _fields_outside(self, jobs: DrawnJobs) -> str:
-        """Return a note on the fields of jobs that are outside their ranges."""
+    def _reason(self, jobs: DrawnJobs) -> str:
+        """Return why some jobs make no sense: fields out of range, or else an unmet condition."""
         outside = []
-        for name in self.fields:
-            field = {name: jobs.nominal_fields[name]}
-            if not _in_range(field, len(jobs.in_range)).all():
-                outside.append(name)
-        return f"; outside their ranges are {', '.join(outside)}" if outside else ""
+        for name in jobs.true_fields:
+            for drawn in (jobs.nominal_fields, jobs.true_fields):
+                is_inside = _in_range({name: drawn[name]}, len(jobs.in_range)).all()
+                if not is_inside and name not in outside:
+                    outside.append(name)
+        if outside:
+            ranges = [f"{name} ({_RANGES[name].text()})" for name in outside[:MAX_LISTED]]
+            return f"outside their ranges are {', '.join(ranges)}"
+        for condition in _conditions(jobs.true, jobs.plan):
+            if not condition.met.all():
+                return f"{condition.fault}; {self._set_by_family(condition.depends_on)}"
+        raise AssertionError("jobs that make sense are accepted")
+
+    def _set_by_family(self, names: tuple[str, ...]) -> str:
+        """Return which fields of some sections the family sets itself; the base sets the others."""
+        prefixes = tuple(f"{name}." for name in names)
+        fields = []
+        for name in [*self.fields, *self.hidden, *self.planned]:
+            if name in names or name.startswith(prefixes):
+                fields.append(name)
+        if not fields:
+            return f"base {self.base!r} sets {', '.join(names)}"
+        return f"the family sets {', '.join(fields[:MAX_LISTED])}"
 
     def _attempt(
         self, split: str, numbers: NDArray[np.uint64], attempts: NDArray[np.uint64]

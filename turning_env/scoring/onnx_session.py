@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float32]
 
+EXPORT = "export it with a dynamic batch axis and float32"
+"""Advice on a network whose inputs or outputs have another type, or a fixed batch."""
+
 
 class OnnxPolicy:
     """The policy of an ONNX file for ``num_envs`` environments."""
@@ -46,8 +49,8 @@ class OnnxPolicy:
             reason = first_line(error)
             if "allocate" in reason:
                 raise ValueError(f"needs more memory than it may have: {reason}") from error
-            entries = f"{observations.shape[1]} entries (`leaderboard run` adds a belief)"
-            raise ValueError(f"cannot act on {entries}: {reason}") from error
+            shape = observations.shape
+            raise ValueError(f"cannot act on observations of shape {shape}: {reason}") from error
         names = [output.name for output in self._session.get_outputs()]
         outputs = dict(zip(names, results, strict=True))
         actions: Floats = outputs["action"]
@@ -82,6 +85,19 @@ def session_of(source: bytes | str) -> Any:
         return onnxruntime.InferenceSession(source, options, providers=["CPUExecutionProvider"])
     except Exception as error:  # ONNX Runtime's errors have no common type
         raise ValueError(f"cannot be run: {first_line(error)}") from error
+
+
+def check_inputs(session: Any) -> None:
+    """Raise ValueError unless every input is float32, for any number of environments."""
+    for node in session.get_inputs():
+        # An input whose number of axes is not known has none here.
+        axes = list(node.shape or ())
+        is_fixed = bool(axes) and isinstance(axes[0], int)
+        if node.type != "tensor(float)" or len(axes) not in (0, 2) or is_fixed:
+            raise ValueError(
+                f"takes {node.name!r} as {node.type} of shape {axes}, but must take float32 of "
+                f"shape (any number of environments, entries): {EXPORT}"
+            )
 
 
 def check_actions(actions: Floats, shape: tuple[int, int]) -> None:

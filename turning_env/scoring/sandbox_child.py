@@ -71,6 +71,7 @@ class PlainNetwork:
             if "external" in str(error).lower():
                 raise ValueError(f"keeps its weights in another file, but {_ALL_INSIDE}") from error
             raise
+        onnx_session.check_inputs(self._session)
         return Outline(
             properties={},
             inputs={node.name: _entries(node.shape) for node in self._session.get_inputs()},
@@ -208,6 +209,6 @@ def _as_bytes(actions: Floats, num_envs: int) -> bytes:
     if actions.ndim != 2 or len(actions) != num_envs or actions.dtype != np.float32:
         raise ValueError(
             f"gives actions that are {actions.dtype} of shape {actions.shape}, "
-            f"but must be float32 of shape ({num_envs}, actions)"
+            f"but must be float32 of shape ({num_envs}, actions): {onnx_session.EXPORT}"
         )
     return np.ascontiguousarray(actions).tobytes()

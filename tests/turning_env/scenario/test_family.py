@@ -381,7 +381,8 @@ def variables(**kinds):
         ),
         pytest.param(
             {"fields": {"limits.power": 0.01}},
-            "make no sense",
+            r"make no sense in split 'train': by the nominal model no cutting speed and feed is "
+            r"within .* limits\.power; the family sets limits\.power",
             id="no sensible job",
             marks=pytest.mark.slow,
         ),

@@ -235,3 +235,24 @@ def test_actions_out_of_bounds_are_refused(value: float, tmp_path: Path) -> None
     )
     with pytest.raises(AgentFileError, match="numbers in -1 to 1"):
         acted(path)
+
+
+@pytest.mark.parametrize(
+    ("element", "axes"),
+    [(TensorProto.FLOAT, [1, 11]), (TensorProto.DOUBLE, ["n", 11]), (TensorProto.FLOAT, [11])],
+    ids=["a batch of 1", "64 bits", "one axis"],
+)
+def test_a_network_of_another_type_or_batch_is_told_how_to_be_exported(
+    element: int, axes: list[int | str], tmp_path: Path
+) -> None:
+    observation = helper.make_tensor_value_info("observation", element, axes)
+    action = helper.make_tensor_value_info("action", element, axes)
+    node = helper.make_node("Identity", ["observation"], ["action"])
+    graph = helper.make_graph([node], "network", [observation], [action])
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 20)], ir_version=10)
+    path = tmp_path / "agent.onnx"
+    path.write_bytes(model.SerializeToString())
+    with pytest.raises(
+        AgentFileError, match=r"agent\.onnx: .*export it with a dynamic batch axis and float32"
+    ):
+        sandbox.load(path)
