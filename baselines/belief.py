@@ -168,7 +168,9 @@ class Belief:
         prior = np.maximum(believed.prior_deviations, MIN_DEVIATION)
         wear = np.maximum(reading.nominal_wear / scenario.tool.wear_criterion, MIN_WEAR)
         log_wear = log(wear)
-        log_used_life = (log_wear + believed.log_wear_factor) / scenario.material.wear.time
+        # Wear grows as W_max D^n, so the log of the used life is log D = log(W / W_max) / n.
+        expected_log_wear = log_wear + believed.log_wear_factor
+        log_used_life = expected_log_wear / scenario.material.wear.time
         velocity = reading.cutting_speed * reading.feed * believed.parameters["velocity"]
         distance_to_bar = believed.parameters["pitch"] - believed.along
         time_to_bar = distance_to_bar / velocity

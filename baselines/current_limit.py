@@ -163,8 +163,8 @@ class ForceEstimator:
     Args:
         scenario: nominal model.
         num_envs: number of environments.
-        cutoff: see ``Smoother``.
-        window: see ``Smoother``.
+        cutoff: half-power frequency over the Nyquist frequency [-], of the low-pass filter.
+        window: samples of the root mean square after it.
 
     Attributes:
         delay: delay of an estimate [samples].

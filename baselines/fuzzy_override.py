@@ -85,8 +85,13 @@ def fuzzy_override(
 ) -> OverrideLaw:
     """Return the controller that applies the equations in every step.
 
-    ``target``: target load over the load at the power limit [-]; for the others see
-    ``new_override``.
+    Args:
+        program: part program, whose feed the override scales.
+        num_envs: number of environments; every environment follows the same law.
+        target: target load over the load at the power limit [-].
+        k: constant of equation (5).
+        p: constant of equation (6).
+        d: constant of equation (7).
     """
     target_now = target_load(program.scenario, target)
 

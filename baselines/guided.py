@@ -165,6 +165,7 @@ class GuidedRule(SelfTuning):
         # Where removed edges are not measured, the expected wear stands for the true one.
         surprise = np.where(is_measured, log_measured - edge["log_wear"], 0.0)
         log_wear = edge["log_wear"] + surprise
+        # Wear grows as W_max D^n, so the used life is D = (W / W_max)^(1/n).
         used_life = exp(log_wear / wear_exponent)
         # An edge that nobody changed has broken, unless it was worn out.
         ended_early = exp(log_wear) < MAX_BROKEN_WEAR

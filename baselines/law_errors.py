@@ -47,6 +47,7 @@ def errors_of(jobs: DrawnJobs) -> Array:
     def error(law: str, exponent: str) -> Any:
         return getattr(getattr(true, law), exponent) - getattr(getattr(nominal, law), exponent)
 
+    # Errors of wear are stated as those of the edge's life: over the exponent of time.
     columns = [
         _log_error(jobs, "wear") / nominal.wear.time,
         error("wear", "cutting_speed") / nominal.wear.cutting_speed,

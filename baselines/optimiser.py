@@ -151,7 +151,7 @@ class Optimiser(Policy):
     def _edge_is_spent(self, reading: Reading, used_life: Array, price: Array) -> Mask:
         """Return whether to change the edge: its life has no price left, or may soon be over."""
         # The wear factor contains the errors of the law of wear for this edge, so the law here is
-        # the nominal one.
+        # the nominal one. Wear grows as W_max D^n: a factor on wear is its n-th root on life D.
         exponent = self._scenario.material.wear.time
         life = self._nominal_life_law()
         log_rate = life.log_rate + life.speed * log(reading.cutting_speed)
@@ -177,7 +177,8 @@ class Optimiser(Policy):
     def _drive_moments(self) -> Any:
         """Return records of ``feed_search.MOMENT``, shape (1 or num_envs, points).
 
-        They hold what the drives leave of a change of speed and feed at ``_times_ahead``.
+        A drive approaches a new command exponentially. A record holds the share of a change that
+        the drives have not yet made at one of the ``_times_ahead``.
         """
         machine = self._scenario.machine
         share_left = np.vectorize(decay)

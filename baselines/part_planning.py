@@ -62,7 +62,7 @@ class RuledParts(Policy):
 
     Args:
         scenario: nominal model.
-        rule: name of the rule, see ``two_limits.set_point``; it holds at each pass's depth of cut.
+        rule: name of the rule of ``two_limits.set_point``, applied at each pass's depth of cut.
         corrected: whether the path is made for the measured size, not for the drawing's allowance.
         margin: factor on the limits of force, power and torque [-].
         first_margin: likewise in the first pass, which cuts all unforeseen metal.

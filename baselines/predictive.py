@@ -50,6 +50,7 @@ class Predictive(Optimiser):
     def _max_speed(self, used_life: Array) -> Any:
         if not self._scheduled:
             return self._scenario.cutting_speed_max
+        # Wear grows as W_max D^n: a factor on wear is its n-th root on the used life D.
         exponent = self._scenario.material.wear.time
         log_wear = self._filter.log_wear_factor + DOUBT * self._filter.wear_deviation
         doubtful_life = used_life * exp(log_wear / exponent)

@@ -119,6 +119,7 @@ class Reactive(SelfTuning):
     def _observe(self, reading: Reading) -> None:
         super()._observe(reading)
         self._window.observe(reading)
+        # Wear grows as W_max D^n, so the used life is D = (W / W_max)^(1/n).
         exponent = self._scenario.material.wear.time
         criterion = self._scenario.tool.wear_criterion
         fresh = reading.cutting_time < self._cutting_time

@@ -70,6 +70,7 @@ class SelfTuning(Predictive):
     def _life_law(self) -> LifeLaw:
         nominal = self._nominal_life_law()
         errors = self._filter.wear_errors
+        # Wear grows as W_max D^n, so an error of log wear is its n-th part in the log of life D.
         exponent = self._scenario.material.wear.time
         return LifeLaw(
             log_rate=nominal.log_rate + errors.log_wear / exponent,
@@ -78,7 +79,8 @@ class SelfTuning(Predictive):
         )
 
     def _edge_is_spent(self, reading: Reading, used_life: Array, price: Array) -> Mask:
-        # Without a price, an edge would be changed: see ``Optimiser``.
+        # ``Optimiser`` changes an edge whose life has no price. Early in its life, such a price is
+        # an error of the laws, so an edge with so short a life is kept.
         believed_price = np.where(used_life < MIN_SPENT_LIFE, np.inf, price)
         spent = super()._edge_is_spent(reading, used_life, believed_price)
         if not self._scheduled:

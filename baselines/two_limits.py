@@ -323,7 +323,7 @@ class AdaptiveRule(Policy):
     Args:
         scenario: nominal model.
         num_envs: number of environments.
-        rule: name of the rule, see ``set_point``.
+        rule: name of the rule of ``set_point``.
         margin: factor on the limits of force, power and torque [-].
         smoothing: weight of the newest ratio in a scale [-].
     """

@@ -319,7 +319,7 @@ class FamilyPlay:
     def __call__(
         self, scenario: Scenario, seeds: Sequence[int], on_step: Callable[[int], None]
     ) -> Episodes:
-        """Play one episode per seed; see ``turning_env.scoring.play.play``."""
+        """Play one episode per seed, and return what ``turning_env.scoring.play.play`` does."""
         rule = RULES.get(self.policy) if isinstance(self.policy, str) else None
         if rule is not None and not rule.together:
             return self._play_alone(seeds, on_step)

@@ -191,8 +191,8 @@ def named(
         tuned_on: the scenario that the controllers are tuned for; None: the one that they play. A
             family's are tuned on its base.
         skip: whether to leave out controllers that are not tuned, with a notice on stderr.
-        knows: see ``PolicySpec``; of families only.
-        forgets: see ``PolicySpec``; of families only.
+        knows: what the controllers of a family are told beyond the nominal model.
+        forgets: whether policies of a family forget everything at each change of the edge.
 
     Raises:
         ResultError: there is none of that name (the message lists the names), or it is not tuned
@@ -249,8 +249,8 @@ def one_named(
         name: its name.
         task: the task that it plays.
         tuned_on: the scenario that a controller is tuned for; None: the task's.
-        knows: see ``PolicySpec``; of families only.
-        forgets: see ``PolicySpec``; of families only.
+        knows: what the controllers of a family are told beyond the nominal model.
+        forgets: whether policies of a family forget everything at each change of the edge.
 
     Raises:
         ResultError: it cannot play. The cause is ``NotTuned`` if it is not tuned.
@@ -294,7 +294,7 @@ def agents(
             ``train.agents.onnx_policy.LIMITS``.
         refused: agents that are left out; those that cannot play, for whatever reason, are added.
             None: raise the first reason.
-        forgets: see ``PolicySpec``; of families only.
+        forgets: whether policies of a family forget everything at each change of the edge.
 
     Raises:
         ResultError: a path holds no agent, or one that cannot play the task; two have the same
@@ -328,7 +328,7 @@ def _under_ranked_name(spec: PolicySpec, path: Path, given: str | None, keep: bo
         spec: the agent.
         path: its file or its folder.
         given: name that the user gives; None: that of the file or the training.
-        keep: see ``agents``.
+        keep: whether it may have the name of an agent that comes with the project.
 
     Raises:
         ValueError: it cannot have this name.

@@ -290,6 +290,8 @@ class _Played:
 
     def interquartile(self, values: Floats) -> Estimate:
         """Return the interquartile mean of values of shape (training seeds, seeds)."""
+        # The bootstrap takes the name, as each policy has resamples of its training seeds of its
+        # own: the training seeds of two policies are unrelated, even if they are equal numbers.
         mean = interquartile_mean(values.ravel()).item()
         return Estimate.of(mean, self.bootstrap.interquartile_means(values, self.name))
 

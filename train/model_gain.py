@@ -55,7 +55,8 @@ of tangled chips. The cost is a step there, so its gradient is 0; this line has 
 MIN_LOAD = 1e-3
 """Smallest force over its limit, and smallest probability to survive [-]."""
 MIN_WEIGHT = 1e-3
-"""Weight of a known end of a step at the other end [-]."""
+"""Weight of the value at one end of a step at the step's other end [-]: above 0, so that a value
+that is known at one end only holds for the whole step."""
 MIN_STRENGTH_SPREAD = 1e-3
 """Smallest log standard deviation of the edges' strength [-], so that breakage has a gradient."""
 MIN_POSITIVE = 1e-9
@@ -122,8 +123,9 @@ class Truth:
         path = start_path + (end_path - start_path) * share
         bar = torch.floor(path / pitch)
 
-        # A field is known at a step's end in the metal of the same bar. Between two such ends it is
-        # interpolated; with ``MIN_WEIGHT``, a single known end counts even at the other end.
+        # A step has two ends. Depth and hardness are known at an end that is in the metal of the
+        # point's bar. If both are, they are interpolated between them. If only one is, its value
+        # holds for the whole step: ``MIN_WEIGHT`` keeps its weight above 0 up to the other end.
         start_depth = _field(steps.before, "depth_of_cut")
         end_depth = _field(steps.after, "depth_of_cut")
         start_known = (start_depth > 0.0) & (torch.floor(start_path / pitch) == bar)

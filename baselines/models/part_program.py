@@ -121,12 +121,12 @@ def override_rules(
     Args:
         name: name of the first rule.
         description: one line that names the source.
-        controller: see ``on_program``.
+        controller: builds the controller from a program and the parameters (``on_program``).
         parameters: parameters of the first rule.
         with_speed: parameters of the second rule, including its program's.
         plays: further condition on a scenario.
-        changes_edges: see ``Rule``.
-        worth_tuning: of the first rule, see ``Rule``.
+        changes_edges: whether the rules decide when to change the edge.
+        worth_tuning: whether ``--quick`` tuning includes the first rule.
     """
     build = on_program(controller)
     tuned = "speed and feed" if "feed" in with_speed else "speed"

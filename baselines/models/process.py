@@ -189,7 +189,11 @@ class Process:
 
     @property
     def life_exponents(self) -> LifeExponents:
-        """Exponents of the edge's life [-]."""
+        """Exponents of the edge's life [-].
+
+        Wear W = K vc^x f^y ap^z T^n reaches the criterion at a life T proportional to
+        vc^(-x/n) f^(-y/n) ap^(-z/n).
+        """
         wear = self.wear
         return LifeExponents(
             mu=wear.cutting_speed / wear.time,
@@ -204,7 +208,11 @@ class Process:
         depth_of_cut: ArrayLike,
         hardness: ArrayLike,
     ) -> Array:
-        """Return the log life [min]; arrays broadcast."""
+        """Return the log life [min]; arrays broadcast.
+
+        Log wear after T minutes is that after one minute plus n log T, with n the exponent of time.
+        So log T is what that leaves to the criterion, over n.
+        """
         line = Limit(self.wear, self.wear_criterion).line(depth_of_cut, hardness, wear=1.0)
         room = line.room - line.cutting_speed * log_cutting_speed - line.feed * log_feed
         return room / self.wear.time

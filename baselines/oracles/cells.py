@@ -129,7 +129,7 @@ def best_return(states, parameters, fields, cells, options, ripple, lives):
     Args:
         states: state records of the only block; the first environment counts.
         parameters: parameter records of the block.
-        fields: fields of the cells, see ``survey``.
+        fields: depth, hardness and wear factor of the cells, as ``survey`` fills them in.
         cells: number of cells of a bar.
         options: set points that are compared.
         ripple: relative amplitude of the depth's run-out [-].
@@ -179,8 +179,8 @@ def cell_at(p, fields, number, cells, ripple):
     """Return the ``Cell`` of a ``number`` in the row of bars.
 
     Its loads are those of the lowest depth in a turn, its metal that of the highest. Both raise the
-    bound. ``fields``: see ``survey``; ``cells``: number of cells of a bar; ``ripple``: relative
-    amplitude of the depth's run-out [-].
+    bound. ``fields``: as ``survey`` fills them in; ``cells``: number of cells of a bar;
+    ``ripple``: relative amplitude of the depth's run-out [-].
     """
     length = p.bar_length[0] / cells  # [mm]
     # Value of the metal of a cell 1 mm deep [s].

@@ -102,7 +102,7 @@ class PerfectBlanks(Policy):
     """Plan every part for the true blank. Call ``tell`` before every action.
 
     Args:
-        scenario: task; see ``covers``.
+        scenario: task, for which ``covers`` is true.
         seeds: seed of each environment. The policy plays their first episodes.
     """
 
@@ -155,6 +155,7 @@ class PerfectBlanks(Policy):
         fields = self._fields[env_index]
         wear_factor = float(self._truth["wear_factor"][env_index])
         strength = float(self._truth["edge_strength"][env_index])
+        # Wear grows as W_max D^n: a factor on wear is its n-th root on the used life D.
         life_factor = real_power(wear_factor, 1.0 / self._scenario.material.wear.time)
         return Blank(
             depth=exp(fields[LOG_DEPTH, cells]),

@@ -80,17 +80,24 @@ def _first_missing(program: PartProgram, path: Path) -> tuple[str, Path] | None:
 
 
 def _files_beside(path: Path, dialect: Dialect) -> dict[str, Path]:
-    """Return the programs in the folder of another, by their names on the control."""
+    """Return the programs in the folder of another, by their names on the control.
+
+    A Fanuc calls a program by its number: 12 for O0012.nc. On a SINUMERIK, an archived file such
+    as _N_GROOVE_SPF.MPF holds the sub-program GROOVE. Other files have the program's name.
+    """
+    call_name = _NUMBER if dialect.system else _ARCHIVED
+    # A folder may be huge, such as a whole archive of programs.
+    entries = sorted(path.parent.iterdir())[:MAX_ENTRIES]
     files: dict[str, Path] = {}
-    for number, file in enumerate(sorted(path.parent.iterdir())):
-        is_program = file.suffix.lower() in SUFFIXES and file.name != path.name
-        if number >= MAX_ENTRIES or not (is_program and file.is_file()):
+    for file in entries:
+        is_program = file.suffix.lower() in SUFFIXES and file.is_file()
+        if not is_program or file.name == path.name:
             continue
         name = file.stem.upper()
-        pattern = _NUMBER if dialect.system else _ARCHIVED
-        match = pattern.fullmatch(name)
+        match = call_name.fullmatch(name)
         if match:
             name = match[1]
+        # The first by name, as two files may hold programs of one name.
         files.setdefault(name, file)
     return files
 

@@ -357,8 +357,13 @@ def _feeds(question: Question, insert: Insert, machine: Scenario, stated: set[st
     low, high = question.feeds or insert.feeds
     by_material = FEEDS.get(find_material(question.material).group.letter)
     if by_material and question.feeds is None:
-        low = max(by_material[0], min(low, UNREACHED * by_material[1]))
-        high = min(high, by_material[1])
+        # Feeds that the chip breaker and the material both allow. If the chip breaker's window
+        # begins above half of the material's highest feed, little or nothing is left of it: then
+        # the range begins at that half, so that it does not become empty.
+        lowest_of_material, highest_of_material = by_material
+        low = min(low, UNREACHED * highest_of_material)
+        low = max(low, lowest_of_material)
+        high = min(high, highest_of_material)
     if "machine.feed_max" in stated and machine.machine.feed_max < high:
         high = machine.machine.feed_max
         ends.discard("machine.feed_max")

@@ -101,13 +101,16 @@ def _first_gauge(scenario: Scenario) -> _Gauge:
         colour=POWER,
         value="mean_power" if parts else "power",
         limit=scenario.limits.power,
+        # Power is measured in a step, not as the mean of a pass.
         measured="" if parts else "measured_power",
     )
 
 
 def _force_gauge(scenario: Scenario) -> _Gauge:
     parts = scenario.control.action == "part"
-    senses_force = not parts and scenario.sensors.force != "servo_current"
+    # A dynamometer measures the force of a step; the mean of a pass, which is shown with parts, has
+    # no measured counterpart. A sensor of the servo current measures no force.
+    senses_force = not parts and scenario.sensors.force == "dynamometer"
     return _Gauge(
         title="force, mean of last pass" if parts else "force",
         unit="N",

@@ -126,7 +126,7 @@ class Bootstrap:
 
         Args:
             values: shape (training seeds, seeds).
-            policy: name of the policy.
+            policy: name of the policy, which keys the resamples of its training seeds.
         """
         count = len(values)
         if count == 1:
