@@ -233,12 +233,15 @@ class CurrentLimit(Policy):
         self._program = program
         self._overrides = np.minimum(FEED_GRADES, program.override_max)
         self._feeds = np.clip(self._overrides * program.feed, machine.feed_min, machine.feed_max)
+        # Limits of the estimated force [N]: the grade falls above the upper one, rises below the
+        # lower one, and stays in between.
         self._upper = force_share * scenario.limits.thrust_force
         self._lower = self._upper * (1.0 - HYSTERESIS)
         self._estimator = ForceEstimator(scenario, num_envs, cutoff=CUTOFF, window=WINDOW)
+        # A step input has passed the filter after about twice its delay.
         self.settling_steps = math.ceil(2.0 * self._estimator.delay)
         self._steps_in_metal = np.zeros(num_envs, np.int64)
-        self._grade = np.full(num_envs, PROGRAMMED)
+        self._grade = np.full(num_envs, PROGRAMMED)  # position of the feed switch
 
     def reset(self, mask: Mask) -> None:
         self._estimator.reset(mask)

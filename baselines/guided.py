@@ -172,7 +172,7 @@ class GuidedRule(SelfTuning):
         broke = fresh & ~edge["change_commanded"] & ended_early
         survived = fresh & ~broke
 
-        # The heat is a log speed; the measured wear corrects it, see ``_heat``.
+        # The heat was computed with the expected wear; the measured wear corrects it.
         heat = edge["heat"] + law.wear / law.cutting_speed * surprise
         # Broken edges are counted in thirds, so that the number is of order one.
         edges_broken = history["edges_broken"] + broke / 3.0
@@ -186,14 +186,16 @@ class GuidedRule(SelfTuning):
         np.copyto(history["wear_surprise"], clipped_surprise, where=fresh & is_measured)
 
     def _remember_heat(self, reading: Reading, fresh: Mask) -> None:
-        """Note how hot the present edge is, and what it has survived."""
+        """Note how hot the present edge is, and what it has survived.
+
+        An edge has survived a heat if it still cuts when the next ``INTERVAL`` begins.
+        """
         edge = self._edge
         history = self._history
         log_wear, heat = self._heat(reading)
         edge["max_heat_before"][fresh] = NO_HEAT
         edge["max_heat"][fresh] = NO_HEAT
         edge["max_heat"] = np.maximum(edge["max_heat"], heat)
-        # An edge has survived the heat before an interval that it has outlived.
         interval = np.floor(reading.cutting_time / INTERVAL)
         later = interval > np.floor(edge["cutting_time"] / INTERVAL)
         survived = np.maximum(history["heat_survived"], edge["max_heat_before"])

@@ -265,6 +265,7 @@ def chosen_rules(
     """
 
     def is_tunable(rule: Rule) -> bool:
+        """Return whether a rule has parameters to tune, and is tuned on this scenario."""
         if not rule.ranges:
             return False
         if rule.tuned_on is None:

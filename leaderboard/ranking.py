@@ -100,7 +100,10 @@ def _standings(content: _Content) -> tuple[Standing, ...]:
 def _task_to_rank(
     folder: Path, task: Task | None, results_by_task: Mapping[str, Collection[str]]
 ) -> str:
-    """Return the digest of the task that a folder ranks; see ``read_leaderboard``."""
+    """Return the digest of the task that a folder ranks.
+
+    It is the given task, else that of the manifest, else the one with the most results.
+    """
     if task is not None:
         return task.digest
     manifest = read_if_usable(Manifest, folder / MANIFEST_FILE)

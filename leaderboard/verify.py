@@ -84,10 +84,14 @@ class Draw(NamedTuple):
         return cls(seeds, secrets.randbits(_KEY_BITS))
 
     def places(self, result: Result, is_bound: bool) -> list[int]:
-        """Return the places of the seeds to play of a result, in order."""
+        """Return the places of the seeds to play among those of a result, in order.
+
+        ``is_bound``: whether it is an upper bound, which takes much longer to play.
+        """
         count = math.ceil(self.seeds / BOUND_SEEDS) if is_bound else self.seeds
 
         def lot(place: int) -> bytes:
+            """Return a number that nobody can foresee without the key; the lowest are drawn."""
             return hashlib.sha256(f"{self.key} {result.checksum} {place}".encode()).digest()
 
         places = sorted(range(len(result.task.seeds)), key=lot)

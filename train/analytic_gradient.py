@@ -249,7 +249,7 @@ class AnalyticGradient(BaseAlgorithm):
         log_commanded = commands.commanded(target, observations)
         gain, going_on = self.gain(log_commanded, actual, truth)
         if commands.changes_edges:
-            # A step with a change gains nothing by its speed and feed.
+            # A step in which the edge is changed does not cut: its speed and feed gain nothing.
             gain = gain * (1.0 - truth.changed)
             gain = gain + self.gain.edge_change_gain(target[..., -1], going_on)
         saturation = unbounded[..., : commands.targets].square().sum(dim=-1)

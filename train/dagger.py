@@ -275,6 +275,7 @@ class Dagger(BaseAlgorithm):
             self._setup_model()
 
     def _setup_model(self) -> None:
+        """Make the policy; Stable-Baselines3 calls this at the end of its constructors."""
         self._setup_lr_schedule()
         self.set_random_seed(self.seed)
         self.policy = self.policy_class(
@@ -401,6 +402,7 @@ def new_model(run: Run, vec_env: VecEnv) -> Dagger:
     """Return an untrained model."""
     p = run.parameters
     assert isinstance(vec_env, TaughtVecEnv)
+    # Both are rounded up: -(-a // b).
     rounds = -(-p["total_timesteps"] // (p["n_steps"] * p["num_envs"]))
     labels_per_round = -(-p["n_steps"] // p["label_every"]) * p["num_envs"]
     return Dagger(

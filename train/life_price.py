@@ -30,7 +30,7 @@ class LifePriceVecEnv(RoughTurningVecEnv):
     """
 
     def __init__(self, life_price: str, scenario: Scenario, *arguments: Any) -> None:
-        """Make environments with a life price, of ``LIFE_PRICES``.
+        """Make environments that charge an edge's life by one of ``LIFE_PRICES``.
 
         Args:
             life_price: "marginal" or "end".

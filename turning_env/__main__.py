@@ -37,6 +37,7 @@ def main(arguments: list[str] | None = None) -> int:
             added.add_argument("scenario", metavar="SCENARIO", help="preset or TOML file")
         # The command's first example joins those of the whole command line.
         _, *lines = (added.epilog or "").splitlines()
+        # An example goes on where a line ends in a backslash.
         length = 1
         while lines[length - 1].endswith("\\"):
             length += 1

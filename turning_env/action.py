@@ -61,6 +61,7 @@ def towards(
         )
         columns.append(set_point_action(feed, machine.feed_min, machine.feed_max))
     else:
+        # The action -1 is an override of 0, and 1 is the highest.
         columns.append(2.0 * feed / (control.override_max * control.initial_feed) - 1.0)
     if control.edge_changes == "commanded":
         keeps_edge = np.full(len(feed), -1.0)

@@ -62,6 +62,7 @@ class BaseEnv:
     _viewer: Any = None
 
     def _set_up(self, batch: Batch, render_mode: str | None, rendered_envs: int) -> None:
+        """Take the batch that is stepped, and make a viewer of its first environments if asked."""
         self._batch = batch
         self.scenario = batch.scenario
         self.render_mode = render_mode

@@ -332,9 +332,13 @@ def charge_power(p, gain, env, point, state):
 
 @compiled
 def charge_breakage(p, gain, env, worst, points):
-    """Return the gain less the price of the risk that an unmeasured bar breaks the edge."""
-    # ``worst``: log(force / strength) in standard deviations, so the risk is its normal
-    # probability. The risk is that of the step, not of a second, and counts once for all points.
+    """Return the gain less the price of the risk that an unmeasured bar breaks the edge.
+
+    ``worst``: log(force / strength) in standard deviations, at the point where it is highest. The
+    risk is the normal probability below it.
+    """
+    # The gain is a sum over the points of a step, in terms per second. The edge breaks at most once
+    # in the step, so the price is divided by the step's length and counts for all points at once.
     risk = probability(worst.value)
     price = -env.breakage_price / p.interval * points
     return with_term(

@@ -253,7 +253,10 @@ def add_corners(speeds, options, force_law, power_law, loads):
 
 @compiled
 def corner(ladder, height, slope):
-    """Return the log speed at which two lines meet, within the ladder."""
+    """Return the log speed height / slope, at which two lines meet, within the ladder's ends.
+
+    Lines that are parallel meet nowhere: then it is the lowest speed of the ladder.
+    """
     log_speed = height / slope if slope != 0.0 else ladder[0]
     return min(max(log_speed, ladder[0]), ladder[ladder.shape[0] - 1])
 

@@ -133,6 +133,7 @@ class PerfectBlanks(Policy):
         for env_index in range(count):
             blank = self._blank(env_index)
             candidates = ALLOWANCES * blank.depth.mean()
+            # It writes the set points of its passes into the rows of this environment.
             best = best_plan(
                 blank, self._task, candidates, log_speeds[env_index], log_feeds[env_index]
             )

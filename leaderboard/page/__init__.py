@@ -147,9 +147,11 @@ def _section(leaderboard: Leaderboard) -> dict[str, Any]:
     if "Score" in column_groups:
         column_groups = {"Score": column_groups["Score"]} | column_groups
     marks = _marks(leaderboard.standings)
+    # The heading of its group beside each column, in the order of the table.
     with_heading = []
     for heading, group in column_groups.items():
         with_heading += [(heading, column) for column in group]
+    # The trainings of a policy share its row, by the name on the leaderboard.
     policies: dict[str, list[PolicySpec]] = {}
     names = leaderboard.names
     for result in leaderboard.results:

@@ -38,7 +38,7 @@ def term_over_criterion(growth, log_wear):
 
 @compiled
 def term_of_factor(growth, log_wear, log_factor):
-    """Return the change of log U [-] if the wear grows by a factor, of which the log is given."""
+    """Return log U(c W) - log U(W) [-], given log c: the effect of a factor c on the wear."""
     change = log_wear_term(growth, log_wear + log_factor) - log_wear_term(growth, log_wear)
-    # In a power law, it is the factor, without the rounding of a difference.
+    # With U = W, this is log c itself; the difference would only add an error of rounding.
     return where(growth > 0.0, change, log_factor)

@@ -315,7 +315,11 @@ def look_up_cuts(state, work, count, p):
 
 @compiled
 def wear_edges(state, work, count, p):
-    """Advance the used life of the edges that cut (``wear.py``)."""
+    """Advance the used life of the edges that cut, by the scenario's rule (``wear.py``).
+
+    By the rule of equivalent time, a cut uses a share of the life, however worn the edge is. By
+    clock time, it also depends on how long the edge has cut before.
+    """
     if p.wear_rule == EQUIVALENT_TIME:
         for i in range(count):
             log_k = log_coefficient(state, work, i, p)
@@ -327,7 +331,7 @@ def wear_edges(state, work, count, p):
             used_life = state.used_life[i]
             log_k = log_coefficient(state, work, i, p)
             life = life_by_clock(p, i, used_life, log_k, start, end)
-            # Rounding must not make an edge sharper.
+            # Rounding must not make an edge sharper. An edge out of the metal keeps its life.
             life = max(life, used_life)
             state.used_life[i] = life if work.engaged[i] > 0.0 else used_life
     if p.has_phases:

@@ -194,6 +194,7 @@ class Scenario(sections.Sections, DerivedQuantities):
 
     @model_validator(mode="after")
     def _makes_sense(self) -> Self:
+        """Refuse values that contradict one another, in the scenario or in its nominal model."""
         faults = [*complaints(self)]
         for name, _ in self.nominal_model:
             if always_known(name):

@@ -185,9 +185,11 @@ class Sandbox:
             raise self._end_reason() from error
 
     def _end_reason(self) -> AgentFileError:
+        """Return the error that says why the process no longer answers."""
         try:
             status = self.process.wait(1.0)
         except subprocess.TimeoutExpired:
+            # It has closed its end, but still runs.
             status = 0
         self.close()
         if status == -signal.SIGXCPU:
