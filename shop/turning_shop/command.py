@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from turning_shop import WorkshopError, refuse_existing, tables, tool_command, whatif
+from turning_shop.catalogue.hardness import brinell, ratio
 from turning_shop.headers import COLUMNS, EDGE, is_unit_of, named_column, units_of
 from turning_shop.measurements import Measurements, read_measurements
 from turning_shop.units import SYSTEMS, Units, add_units
@@ -299,7 +300,7 @@ def _whatif(options: argparse.Namespace) -> int:
     scenario, evidence = _load(options)
     _refuse_fresh_edge(scenario, options.wear or [])
     _warn_of_settings(scenario, speeds=options.cutting_speed, feeds=options.feed)
-    cuts = _cuts(scenario, options)
+    cuts = _cuts(scenario, evidence, options)
     prediction = None
     if evidence.laws:
         prediction = predict(scenario, evidence, cuts, of_wear=options.time is None)
@@ -323,19 +324,27 @@ def _whatif(options: argparse.Namespace) -> int:
     return DONE
 
 
-def _cuts(scenario: Scenario, options: argparse.Namespace) -> whatif.Cuts:
+def _cuts(scenario: Scenario, evidence: "Evidence", options: argparse.Namespace) -> whatif.Cuts:
     """Return the cuts of all combinations of the listed values."""
     age = "wear" if options.time is None else "time"
     # Feeds change fastest from row to row, then cutting speeds.
     axes = {
         "depth_of_cut": options.depth or [scenario.workpiece.depth_of_cut],
-        "hardness": options.hardness or [1.0],
+        "hardness": _hardness_ratios(options.hardness, evidence),
         age: getattr(options, age),
         "cutting_speed": options.cutting_speed,
         "feed": options.feed,
     }
     grids = np.meshgrid(*axes.values(), indexing="ij")
     return whatif.what_if(scenario, **dict(zip(axes, grids, strict=True)))
+
+
+def _hardness_ratios(texts: Sequence[str] | None, evidence: "Evidence") -> list[float]:
+    """Return hardnesses over the nominal one; 1 if none is given."""
+    if not texts:
+        return [1.0]
+    nominal = evidence.hardness
+    return [_number("hardness")(f"{ratio(text, nominal):.6g}") for text in texts]
 
 
 def _print_measured_ranges(
@@ -429,9 +438,9 @@ def _add_whatif_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--hardness",
         nargs="+",
-        type=_number("hardness"),
+        type=_hardness,
         metavar="X",
-        help="values of hardness over nominal [-] (default: 1)",
+        help="values of hardness over nominal [-], or such as 300HB or 32HRC (default: 1)",
     )
     age = parser.add_mutually_exclusive_group(required=True)
     age.add_argument(
@@ -479,7 +488,7 @@ def _map(options: argparse.Namespace) -> int:
         evidence,
         wear=options.wear,
         depth_of_cut=options.depth,
-        hardness=options.hardness,
+        hardness=_hardness_ratios(options.hardness and [options.hardness], evidence)[0],
         advised=_advised(scenario, evidence, options.depth),
         units=SYSTEMS[options.units],
     )
@@ -519,10 +528,9 @@ def _add_map_options(parser: argparse.ArgumentParser) -> None:
     )
     add(
         "--hardness",
-        type=_number("hardness"),
-        default=1.0,
+        type=_hardness,
         metavar="X",
-        help="hardness over nominal [-] (default: 1)",
+        help="hardness over nominal [-], or such as 300HB or 32HRC (default: 1)",
     )
     _add_nose_radius(parser)
     add_units(parser)
@@ -670,6 +678,7 @@ def _job(options: argparse.Namespace) -> "start.Job | None":
         feeds=options.feeds,
         roughness=options.roughness,
         support=options.support,
+        hardness=options.hardness and brinell(options.hardness),
     )
     return start.job_of(question)
 
@@ -692,6 +701,7 @@ _CATALOGUE_OPTIONS = (
     "start-speed",
     "feeds",
     "support",
+    "hardness",
     "out",
 )
 """Options of a job without a scenario."""
@@ -741,6 +751,11 @@ def _add_catalogue_options(parser: argparse.ArgumentParser) -> None:
         choices=("chuck", "tailstock", "rigid"),
         help="how the bar is held (default: workpiece.support of the machine's file, or chuck)",
     )
+    add(
+        "--hardness",
+        metavar="X",
+        help="hardness of the bar, such as 300HB or 32HRC (default: annealed)",
+    )
     add("--out", type=Path, metavar="TOML", help="scenario to write, for map, whatif, program")
 
 
@@ -757,6 +772,15 @@ def _stock(text: str) -> "start.Stock":
     within = _millimetres(1.0, 5000.0)
     unit = match[3] or ""
     return start.Stock(diameter=within(match[1] + unit), length=within(match[2] + unit))
+
+
+def _hardness(text: str) -> str:
+    """Return a hardness as an argparse type: over nominal, or in HB or HRC."""
+    try:
+        ratio(text, nominal=1.0)
+    except WorkshopError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
+    return text
 
 
 def _depth(text: str) -> float:

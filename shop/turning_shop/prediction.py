@@ -85,6 +85,7 @@ class Evidence(BaseModel, frozen=True, allow_inf_nan=False):
 
     source: str = ""
     tool: str = ""  # insert, grade and material, where the laws are those of a catalogue
+    hardness: float = 0.0  # of a bar of nominal hardness [HB]; 0 if it is not stated
     warnings: tuple[str, ...] = ()
     laws: dict[str, LawEvidence] = Field(default_factory=dict)
 

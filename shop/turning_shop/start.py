@@ -38,15 +38,17 @@ from turning_shop.allowed import (
     with_roughness,
 )
 from turning_shop.catalogue import UNMEASURED, groups, inserts, laws, materials, thrust
+from turning_shop.catalogue.groups import softest, with_hardness
+from turning_shop.catalogue.hardness import MAX_OF_CARBIDE
 from turning_shop.catalogue.inserts import Insert, read_insert
-from turning_shop.catalogue.materials import HARDER, Material, find_material
+from turning_shop.catalogue.materials import Material, find_material, other_states
 from turning_shop.catalogue.start_values import (
     DEPTH_EXPONENT,
     FEED_EXPONENT,
-    FEEDS,
     FEEDS_SOURCE,
     LIFE,
     Start,
+    feeds_of,
     read_grade,
     start_of,
     stated_start,
@@ -61,18 +63,6 @@ from turning_env.scenario.scenario import flat, merged
 
 MIN_EDGE_SPREAD = 1e-3  # log spread of edges that is taken for 0 [-]: 0 would be divided by
 QUANTILE = 1.96  # half the 95 % interval over the standard deviation [-]
-MODULI = {
-    "P": 210e3,
-    "M": 200e3,
-    "K": 110e3,
-    "N": 70e3,
-    "S": 114e3,
-}
-"""Modulus of elasticity by group of ISO 513 [N/mm2].
-
-Handbooks: steel, austenitic steel, grey iron, aluminium, titanium. Nodular iron and nickel alloys
-are stiffer, so that their bars bend less.
-"""
 UNREACHED = 0.5
 """Lowest over highest value of a range that the machine, or the nose radius, ends (assumption)."""
 
@@ -97,6 +87,7 @@ class Question(NamedTuple):
     feeds: tuple[float, float] | None = None  # of the box of inserts [mm/rev]
     roughness: float | None = None  # highest theoretical one, Rt [um]
     support: str | None = None  # of the bar: "chuck", "tailstock" or "rigid"
+    hardness: float | None = None  # Brinell hardness of the bar [HB]
 
 
 class Window(NamedTuple):
@@ -122,6 +113,7 @@ class Job(NamedTuple):
     evidence: Evidence
     values: dict[str, Any]  # that the catalogue and the question state, by section
     machine: str
+    hardness_stated: bool
 
     @property
     def sources(self) -> Iterator[str]:
@@ -153,19 +145,21 @@ class Job(NamedTuple):
             f"nose radius {insert.nose_radius:g} mm, {insert.edges} edges (ISO 1832); "
             f"{insert.cut.name} ({inserts.CUTS_SOURCE})"
         )
-        if group.letter in FEEDS:
-            low, high = FEEDS[group.letter]
-            yield f"feeds of {low:g} to {high:g} mm/rev in {group.letter} ({FEEDS_SOURCE})"
-        modulus = MODULI[group.letter]
-        yield f"modulus of elasticity {modulus:.0f} N/mm2 of the bar (handbooks)"
+        if feeds := feeds_of(group):
+            low, high = feeds
+            yield f"feeds of {low:g} to {high:g} mm/rev in {group.name} ({FEEDS_SOURCE})"
+        yield f"modulus of elasticity {group.modulus:.0f} N/mm2 of the bar (handbooks)"
 
     @property
     def assumptions(self) -> Iterator[str]:
         """Sentences on numbers without a source, and on the user's own that are missing."""
         if not self.material.number and self.material.name != self.material.group.name:
             yield f"{self.material.name} is taken as the usual alloy: its number tells it exactly"
-        if self.material.group.name in HARDER and self.material.name != self.material.group.name:
-            yield f"the material is annealed; {HARDER[self.material.group.name]}"
+        if self.start.interrupted:
+            yield (
+                f"the start value of {self.grade} is the maker's for interrupted cuts, as it has "
+                "none of this grade for smooth ones"
+            )
         yield from self.start.assumptions
         yield from self.insert.assumptions
         yield from self.window.assumptions
@@ -193,7 +187,7 @@ def job_of(question: Question) -> Job:
         WorkshopError: A designation is unknown, or insert, material and machine do not meet.
         ScenarioError: The machine's file is invalid.
     """
-    material = find_material(question.material)
+    material = _material(question)
     insert = read_insert(question.tool)
     grade = read_grade(question.grade)
     machine = Scenario.load(question.machine)
@@ -216,7 +210,7 @@ def job_of(question: Question) -> Job:
             # The box states its start speed at the middle of its own window.
             feed = sum(question.feeds) / 2
         start = stated_start(question.start_speed, feed, depth)
-    window = _window(question, insert=insert, start=start, machine=machine, stated=stated)
+    window = _window(question, material, insert=insert, start=start, machine=machine, stated=stated)
     _check_depth(depth, insert, stock=question.stock)
 
     fitted = laws.material_of(material.group, start, machine.tool.wear_criterion)
@@ -224,7 +218,7 @@ def job_of(question: Question) -> Job:
         fitted, material.group, start, feeds=window.feeds, depths=window.depths
     )
     values = _values(question, insert=insert, window=window, depth=depth)
-    values["workpiece"]["elastic_modulus"] = MODULI[material.group.letter]
+    values["workpiece"]["elastic_modulus"] = material.group.modulus
     if question.support:
         values["workpiece"]["support"] = question.support
     elif "workpiece.support" not in stated:
@@ -241,7 +235,9 @@ def job_of(question: Question) -> Job:
         roughness = scenario.limits.roughness.model_dump(exclude_defaults=True)
         values["limits"]["roughness"] = roughness
     tool = f"{insert.name} {grade.name} in {material.name}"
-    known = Evidence(source="catalogue", tool=tool, laws=evidence_laws)
+    known = Evidence(
+        source="catalogue", tool=tool, laws=evidence_laws, hardness=material.group.hardness
+    )
     scenario, known = for_advice(
         scenario,
         known,
@@ -258,7 +254,43 @@ def job_of(question: Question) -> Job:
         evidence=known,
         values=values,
         machine=question.machine,
+        hardness_stated=question.hardness is not None,
     )
+
+
+def _material(question: Question) -> Material:
+    """Return the material of a question, at the hardness that it states.
+
+    Raises:
+        WorkshopError: The material is unknown, or so hard that it is turned with CBN or ceramics.
+    """
+    material = find_material(question.material)
+    hardness = question.hardness
+    if hardness is None:
+        return material
+    if hardness > MAX_OF_CARBIDE:
+        raise WorkshopError(
+            f"--hardness {hardness:.0f} HB: above {MAX_OF_CARBIDE:g} HB (45 HRC) bars are turned "
+            "with CBN or ceramics, for which the sources have no start values: measure a cut, and "
+            "use calibrate"
+        )
+    annealed = softest(material.group).hardness
+    if not 0.6 * annealed <= hardness <= 2.5 * annealed:
+        raise WorkshopError(
+            f"--hardness {hardness:.0f} HB: {material.name} has about {annealed:.0f} HB annealed"
+        )
+    return material._replace(group=with_hardness(material.group, hardness))
+
+
+def questions(job: Job) -> Iterator[str]:
+    """Yield what to tell because the answer depends on it, as sentences for people."""
+    group = job.material.group
+    states = other_states(group)
+    if states and job.material.name != group.name and not job.hardness_stated:
+        yield (
+            f"is the bar annealed, {group.hardness:g} HB? {states}: --hardness states it, such as "
+            "--hardness 300HB or 32HRC"
+        )
 
 
 def _scenario(name: str, machine: Scenario, stated: set[str], values: dict[str, Any]) -> Scenario:
@@ -297,11 +329,17 @@ class _Span(NamedTuple):
 
 
 def _window(
-    question: Question, insert: Insert, start: Start, machine: Scenario, stated: set[str]
+    question: Question,
+    material: Material,
+    *,
+    insert: Insert,
+    start: Start,
+    machine: Scenario,
+    stated: set[str],
 ) -> Window:
     """Return where insert, grade and machine allow cuts."""
     speeds = _speeds(question, start, machine=machine, stated=stated)
-    feeds = _feeds(question, insert, machine=machine, stated=stated)
+    feeds = _feeds(question, material, insert=insert, machine=machine, stated=stated)
     assumptions = speeds.assumptions + feeds.assumptions
     low_depth, high_depth = insert.depths
     if question.depth is not None and not low_depth <= question.depth <= high_depth:
@@ -350,12 +388,14 @@ def _speeds(question: Question, start: Start, machine: Scenario, stated: set[str
     )
 
 
-def _feeds(question: Question, insert: Insert, machine: Scenario, stated: set[str]) -> _Span:
+def _feeds(
+    question: Question, material: Material, *, insert: Insert, machine: Scenario, stated: set[str]
+) -> _Span:
     """Return the feeds of insert and material that the machine has [mm/rev]."""
     ends = {"machine.feed_min", "machine.feed_max"}
     assumptions: tuple[str, ...] = ()
     low, high = question.feeds or insert.feeds
-    by_material = FEEDS.get(find_material(question.material).group.letter)
+    by_material = feeds_of(material.group)
     if by_material and question.feeds is None:
         # Feeds that the chip breaker and the material both allow. If the chip breaker's window
         # begins above half of the material's highest feed, little or nothing is left of it: then
@@ -637,6 +677,7 @@ def _answer(job: Job, advice: list[Advice]) -> Iterator[str]:
     scenario = job.scenario
     prices = Prices.of(scenario)
     yield sentence(job, advice)
+    yield from questions(job)
     yield ""
     if advice[0].plan.mark:
         yield extrapolation(job.evidence, advice[0].plan)

@@ -137,6 +137,107 @@ def test_advice_lies_within_makers_ranges(maker: Maker, machine: str) -> None:
     assert maker.feeds[0] <= cuts.feed <= maker.feeds[1], maker.source
 
 
+SUMITOMO = "Sumitomo 2019-2020, p. 13"
+DGI = "DGI Supply, turning, p. 5, ft/min over feeds of 0.004 to 0.02 inch"
+# Group and grade, lowest and highest speed [m/min] and feed [mm/rev], and where they stand.
+WINDOWS = (
+    ("P1", "P25", (200, 320), (0.2, 0.5), f"{SUMITOMO}: SS400"),
+    *((name, "P25", (150, 230), (0.2, 0.5), f"{SUMITOMO}: S45C, SCM435") for name in ("P2", "P6")),
+    *((name, "P25", (100, 200), (0.2, 0.5), f"{SUMITOMO}: hard steel") for name in ("P3", "P5")),
+    *((name, "P25", (100, 200), (0.2, 0.5), f"{SUMITOMO}: hard steel") for name in ("P7", "P9")),
+    ("M14", "M15", (100, 200), (0.1, 0.4), "Kyocera 2016-2017, p. 214, up to 220 HB"),
+    ("M14D", "M15", (80, 150), (0.1, 0.25), "Kyocera 2016-2017, p. 214, up to 300 HB"),
+    ("M14D", "M25", (80, 120), (0.1, 0.25), "Kyocera 2016-2017, p. 214, up to 300 HB"),
+    ("K15", "K15", (180, 450), (0.1, 0.5), "Sumitomo 2019-2020, p. 16: AC4015K"),
+    ("K16", "K20", (150, 300), (0.1, 0.6), "Sumitomo 2019-2020, p. 16: AC420K"),
+    ("K17", "K25", (149, 270), (0.1, 0.5), f"{DGI}: K2, 885 to 490"),
+    ("K18", "K25", (122, 200), (0.1, 0.5), f"{DGI}: K3, 655 to 400"),
+    *((name, "N15", (200, 500), (0.1, 0.4), f"{DGI}: N2, 1640 to 655") for name in ("N21", "N22")),
+    ("N25", "N15", (122, 300), (0.1, 0.4), f"{DGI}: N3, 985 to 400"),
+    ("N27", "N15", (270, 390), (0.1, 0.4), f"{DGI}: N4, 1280 to 885"),
+    ("S31", "S15", (70, 101), (0.1, 0.3), f"{DGI}: S1, 330 to 230"),
+    ("S34", "S15", (35, 61), (0.1, 0.3), f"{DGI}: S3, 200 to 115"),
+    ("S37", "S15", (30, 90), (0.1, 0.3), "Kyocera 2021-2022, p. 301, and Machining Doctor"),
+)
+
+
+@pytest.mark.parametrize(
+    ("group", "grade", "speeds", "feeds", "source"), WINDOWS, ids=lambda value: str(value)
+)
+def test_the_advice_for_a_group_lies_in_its_sources_window(
+    group: str,
+    grade: str,
+    speeds: tuple[float, float],
+    feeds: tuple[float, float],
+    source: str,
+) -> None:
+    job = job_of(Question(group, "CNMG120408-PM", grade, BAR, depth=2.0, support="rigid"))
+    cuts = cheapest(job).cuts
+    assert speeds[0] <= cuts.cutting_speed <= speeds[1], source
+    assert feeds[0] <= cuts.feed <= feeds[1], source
+
+
+def test_every_hardness_of_an_alloy_has_one_law() -> None:
+    """kc1.1 hardly depends on the hardness of steel, the life strongly."""
+    question = Question("42CrMo4", "CNMG120408-PM", "P25", BAR, depth=2.0)
+    annealed = job_of(question)
+    tempered = job_of(question._replace(hardness=350.0))
+    assert tempered.material.group.name == "P9"
+    # 1.75 times the hardness, by the law of the annealed bar and by the group of the tempered one.
+    by_law = what_if(annealed.scenario, 120.0, 0.3, hardness=350.0 / 200.0, wear=0.1)
+    by_group = what_if(tempered.scenario, 120.0, 0.3, wear=0.1)
+    nominal = what_if(annealed.scenario, 120.0, 0.3, wear=0.1)
+    assert by_law.tool_life == pytest.approx(by_group.tool_life, rel=1e-6)
+    assert by_law.power == pytest.approx(by_group.power, rel=0.15)
+    assert by_law.power / nominal.power < 1.2
+    # Ingersoll 2011, p. 1353: the speed for the same life falls to 0.67 from 200 to 350 HB.
+    assert by_law.tool_life / nominal.tool_life == pytest.approx(0.67**4, rel=0.1)
+
+
+def test_hardness_is_read_in_hb_and_hrc(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "start.toml"
+    words = "--material 42CrMo4 --tool CNMG120408-PM --grade P25 --stock 80x200 --depth 2"
+    assert main(["advise", *words.split(), "--hardness", "30HRC", "--out", str(out)]) == 0
+    assert "is P7, low-alloy steel, quenched and tempered, about 286 HB" in capsys.readouterr().out
+    cut = "--cutting-speed 150 --feed 0.3 --wear 0.2 --csv"
+    printed = []
+    for hardness in ("1.0", "30HRC", "286HB"):
+        assert main(["whatif", str(out), *cut.split(), "--hardness", hardness]) == 0
+        printed.append(capsys.readouterr().out)
+    assert printed[0] == printed[1] == printed[2]
+    assert main(["advise", *words.split(), "--hardness", "60HRC"]) == 2
+    assert "CBN" in capsys.readouterr().err
+    assert main(["whatif", "rough_turning", *cut.split(), "--hardness", "286HB"]) == 2
+    assert "no file states the hardness" in capsys.readouterr().err
+
+
+def test_the_condition_is_asked_for_where_it_decides(capsys: pytest.CaptureFixture[str]) -> None:
+    words = "--tool CNMG120408-PM --grade P25 --stock 80x200 --depth 2"
+    assert main(["advise", "--material", "42CrMo4", *words.split()]) == 0
+    assert "is the bar annealed, 200 HB?" in capsys.readouterr().out
+    assert main(["advise", "--material", "42CrMo4", *words.split(), "--hardness", "200HB"]) == 0
+    assert "is the bar annealed" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("material", "modulus"),
+    [
+        ("42CrMo4", 210e3),
+        ("1.4301", 200e3),
+        ("GG25", 110e3),
+        ("GGG50", 170e3),
+        ("6061", 70e3),
+        ("brass", 100e3),
+        ("Inconel718", 200e3),
+        ("TiAl6V4", 110e3),
+    ],
+)
+def test_a_bar_has_the_modulus_of_its_material(material: str, modulus: float) -> None:
+    group = find_material(material).group
+    job = job_of(Question(material, "CNMG120408-PM", f"{group.letter}15", BAR, depth=1.0))
+    assert job.scenario.workpiece.elastic_modulus == modulus
+
+
 class Cut(NamedTuple):
     """A measured cut with a fresh edge."""
 

@@ -9,6 +9,7 @@ import math
 import numpy as np
 from turning_shop.catalogue import start_values, thrust
 from turning_shop.catalogue.groups import EXPONENT_DEVIATION, Group
+from turning_shop.catalogue.hardness import FORCE_EXPONENT, SPEED_EXPONENT
 from turning_shop.catalogue.start_values import (
     DEPTH_EXPONENT,
     FEED_EXPONENT,
@@ -30,8 +31,6 @@ WEAR_EXPONENT = 0.5
 
 Assumption: the readings of 72 pairs of materials of KIT-AMEL (AIST) have 0.39 to 0.73.
 """
-HARDNESS_EXPONENT = 0.75  # of force and power, as in the presets (assumption) [-]
-WEAR_HARDNESS_EXPONENT = 0.5  # of wear, as in the presets (assumption) [-]
 MANY = 1e6  # degrees of freedom of a width that is not estimated from rows
 
 ASSUMED = (
@@ -55,7 +54,7 @@ def material_of(group: Group, start: Start, wear_criterion: float) -> Material:
             feed=force_feed,
             depth_of_cut=1.0,
             reference_depth_of_cut=1.0,
-            hardness=HARDNESS_EXPONENT,
+            hardness=FORCE_EXPONENT,
         ),
         growth=TYPICAL_GROWTH["power"],
     )
@@ -67,7 +66,7 @@ def material_of(group: Group, start: Start, wear_criterion: float) -> Material:
             feed=force_feed - thrust.THINNING,
             depth_of_cut=1.0 - thrust.THINNING,
             reference_depth_of_cut=1.0,
-            hardness=HARDNESS_EXPONENT,
+            hardness=FORCE_EXPONENT,
         ),
         growth=TYPICAL_GROWTH["thrust_force"],
     )
@@ -106,7 +105,7 @@ def wear_law(
         depth_of_cut=by_speed * DEPTH_EXPONENT,
         reference_depth_of_cut=REFERENCE_DEPTH,
         time=WEAR_EXPONENT,
-        hardness=WEAR_HARDNESS_EXPONENT,
+        hardness=by_speed * SPEED_EXPONENT,
     )
 
 

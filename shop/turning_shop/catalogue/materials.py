@@ -11,18 +11,9 @@ from typing import NamedTuple
 
 from turning_shop import WorkshopError
 from turning_shop.catalogue import nearest
-from turning_shop.catalogue.groups import GROUPS, Group
+from turning_shop.catalogue.groups import GROUPS, STATES, Group
 
 SOURCE = "cross-reference tables of Xometry, AIMS Industrial and Rewon; groups as in VDI 3323"
-HARDER = {
-    "P2": "quenched and tempered it is P3",
-    "P4": "quenched and tempered it is P5",
-    "P6": "quenched and tempered it is P7 (275 HB), P8 (300 HB) or P9 (350 HB)",
-    "P10": "quenched and tempered it is P11",
-    "P12": "quenched and tempered it is P13",
-    "S33": "hardened it is S34",
-}
-"""Groups of the same alloys in another state."""
 
 
 class Material(NamedTuple):
@@ -36,7 +27,7 @@ class Material(NamedTuple):
     def described(self) -> str:
         """The material and its group, for people."""
         group = self.group
-        state = f"{group.name}, {group.description}, about {group.hardness}"
+        state = f"{group.name}, {group.description}, about {group.hardness:.0f} HB"
         if self.name == group.name:
             return state
         number = f" ({self.number})" if self.number and self.number != self.name else ""
@@ -94,7 +85,9 @@ M14 1.4404 X2CrNiMo17-12-2 316L SUS316L
 M14 1.4541 X6CrNiTi18-10 321 SUS321
 M14 1.4571 X6CrNiMoTi17-12-2 316Ti
 M14 1.4539 X1NiCrMoCu25-20-5 904L
-M14 1.4462 X2CrNiMoN22-5-3 2205 318LN SUS329J3L S32205
+M14D 1.4462 X2CrNiMoN22-5-3 2205 318LN SUS329J3L S32205
+M14D 1.4362 X2CrNiN23-4 2304 S32304
+M14D 1.4410 X2CrNiMoN25-7-4 2507 S32750
 K15 0.6015 GG15 EN-GJL-150 GJL-150 FC150
 K15 0.6020 GG20 EN-GJL-200 GJL-200 FC200 FC20
 K15 0.6025 GG25 EN-GJL-250 GJL-250 FC250 CLASS35
@@ -172,17 +165,27 @@ def find_material(text: str) -> Material:
         if material := _BY_NAME.get(plain.removeprefix(prefix)):
             return material._replace(name=text.strip())
     if state := _STATE.fullmatch(plain):
-        group = find_material(state[1]).group.name
+        group = find_material(state[1]).group
         raise WorkshopError(
-            f"--material {text}: states of delivery are not in the table: give the group of VDI "
-            f"3323; annealed it is {group}{_harder(group)}"
+            f"--material {text}: states of delivery are not in the table: leave out the state, and "
+            f"give --hardness, such as 300HB; annealed it is {group.name}{_harder(group)}"
         )
     raise WorkshopError(f"--material {text}: {_what_is_near(plain)}")
 
 
-def _harder(group: str) -> str:
-    """Return the groups of a group's alloys in another state, for people; empty without any."""
-    return f", {HARDER[group]}" if group in HARDER else ""
+def _harder(group: Group) -> str:
+    """Return the groups of a group's alloys in another state, for people, or nothing."""
+    states = other_states(group)
+    return f", {states}" if states else ""
+
+
+def other_states(group: Group) -> str:
+    """Return the groups of an annealed group's alloys as hardened, for people; empty if none."""
+    for annealed, *harder in STATES:
+        if group.name == annealed:
+            names = " or ".join(f"{name} ({GROUPS[name].hardness:g} HB)" for name in harder)
+            return f"quenched and tempered it is {names}"
+    return ""
 
 
 def _what_is_near(plain: str) -> str:
@@ -197,6 +200,6 @@ def _what_is_near(plain: str) -> str:
     return (
         f"this material is not in the table; {meant} "
         "its group of VDI 3323, as in catalogues of inserts: P1 to P13 steel, M14 "
-        "austenitic stainless, K15 to K20 cast iron, N21 to N28 aluminium and copper, S31 to S37 "
-        "heat-resistant alloys and titanium"
+        "austenitic and M14D duplex stainless, K15 to K20 cast iron, N21 to N28 aluminium and "
+        "copper, S31 to S37 heat-resistant alloys and titanium"
     )

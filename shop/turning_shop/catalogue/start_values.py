@@ -11,7 +11,8 @@ from typing import NamedTuple
 
 from turning_shop import WorkshopError
 from turning_shop.catalogue import Range
-from turning_shop.catalogue.groups import Group
+from turning_shop.catalogue.groups import GROUPS, Group, softest
+from turning_shop.catalogue.hardness import SPEED_EXPONENT
 
 LIFE = 15.0  # of the start values [min]
 FEED_EXPONENT = 0.35
@@ -36,6 +37,7 @@ class StartValue(NamedTuple):
     feed: float  # [mm/rev]
     depth: float  # [mm]
     source: str
+    interrupted: bool = False  # whether it is for interrupted cuts
 
     @property
     def described(self) -> str:
@@ -67,13 +69,27 @@ _ALLOY_STEEL = (
     StartValue(25, Range(150, 190, 230), 0.35, 2.5, _SUMITOMO_STEEL + ", AC8025P"),
     StartValue(35, Range(110, 135, 160), 0.45, 4.0, _SUMITOMO_STEEL + ", AC8035P"),
 )
-_HARD_STEEL = (
-    StartValue(15, Range(170, 235, 300), 0.25, 1.0, _SUMITOMO_STEEL + ", AC8015P"),
-    StartValue(25, Range(130, 165, 200), 0.35, 2.5, _SUMITOMO_STEEL + ", AC8025P"),
-)
 _STAINLESS = (
-    StartValue(15, Range(120, 160, 200), 0.2, 2.0, _KYOCERA + ", CA6515"),
-    StartValue(25, Range(80, 140, 180), 0.3, 2.0, _KYOCERA + ", CA6525"),
+    StartValue(15, Range(120, 160, 200), 0.2, 2.0, _KYOCERA + ", CA6515, up to 220 HB"),
+    StartValue(
+        25,
+        Range(80, 140, 180),
+        0.3,
+        2.0,
+        _KYOCERA + ", CA6525, up to 220 HB, interrupted cuts",
+        interrupted=True,
+    ),
+)
+_DUPLEX = (
+    StartValue(15, Range(100, 120, 150), 0.15, 1.5, _KYOCERA + ", CA6515, up to 300 HB"),
+    StartValue(
+        25,
+        Range(80, 100, 120),
+        0.15,
+        2.0,
+        _KYOCERA + ", CA6525, up to 300 HB, interrupted cuts",
+        interrupted=True,
+    ),
 )
 _GREY_IRON = (
     StartValue(10, Range(200, 400, 700), 0.25, 2.0, _SUMITOMO_IRON + ", AC4010K"),
@@ -82,7 +98,8 @@ _GREY_IRON = (
 )
 _FERRITIC_NODULAR = (StartValue(25, Range(149, 200, 270), 0.3, 2.0, _DGI + ", K325"),)
 _PEARLITIC_NODULAR = (StartValue(25, Range(122, 149, 200), 0.3, 2.0, _DGI + ", K325"),)
-_SOFT_ALUMINIUM = (StartValue(15, Range(1097, 1646, 2103), 0.2, 2.0, _DGI + ", N425"),)
+# DGI Supply has 1100 to 2100 m/min for soft alloys such as 5050, Kyocera (2016-2017, p. 461) 200 to
+# 500 for all aluminium: the safer row is that of 6061.
 _ALUMINIUM = (StartValue(15, Range(200, 300, 500), 0.2, 2.0, _DGI + ", N425"),)
 _SILICON_ALUMINIUM = (StartValue(15, Range(122, 200, 300), 0.2, 2.0, _DGI + ", N425"),)
 _COPPER = (StartValue(15, Range(270, 320, 390), 0.2, 2.0, _DGI + ", N425"),)
@@ -91,42 +108,70 @@ _NICKEL_BASED = (StartValue(15, Range(35, 46, 61), 0.2, 2.0, _DGI + ", S515"),)
 _TITANIUM_ALLOY = (StartValue(15, Range(50, 70, 90), 0.2, 1.0, _TITANIUM),)
 
 
-def _scaled(values: tuple[StartValue, ...], factor: float) -> tuple[StartValue, ...]:
+def _scaled(
+    values: tuple[StartValue, ...], factor: float, reason: str = _RATIO
+) -> tuple[StartValue, ...]:
     """Return the start values of a group from those of another."""
     scaled = []
     for value in values:
         speed = Range(*(factor * end for end in value.speed))
-        source = f"{value.source}, {factor:g} {_RATIO}"
+        source = f"{value.source}, {factor:.3g} {reason}"
         scaled.append(value._replace(speed=speed, source=source))
     return tuple(scaled)
 
 
-START_VALUES = {
+def speed_factor(hardness: float, nominal: float) -> float:
+    """Return the cutting speed for the same life at a hardness, over that at a nominal one [-]."""
+    return float((nominal / hardness) ** SPEED_EXPONENT)
+
+
+_ANNEALED = {
     "P1": _MILD_STEEL,
-    **dict.fromkeys(("P2", "P3", "P4", "P6"), _ALLOY_STEEL),
-    **dict.fromkeys(("P5", "P7", "P8", "P9"), _HARD_STEEL),
+    **dict.fromkeys(("P2", "P4", "P6"), _ALLOY_STEEL),
     "P10": _scaled(_ALLOY_STEEL, 0.80),
-    "P11": _scaled(_ALLOY_STEEL, 0.68),
     "P12": _scaled(_ALLOY_STEEL, 0.93),
-    "P13": _scaled(_ALLOY_STEEL, 0.88),
     "M14": _STAINLESS,
+    "M14D": _DUPLEX,
     **dict.fromkeys(("K15", "K16"), _GREY_IRON),
     "K17": _FERRITIC_NODULAR,
     "K18": _PEARLITIC_NODULAR,
     "K19": _scaled(_FERRITIC_NODULAR, 1.16),
     "K20": _scaled(_FERRITIC_NODULAR, 1.05),
-    "N21": _SOFT_ALUMINIUM,
-    **dict.fromkeys(("N22", "N23", "N24"), _ALUMINIUM),
+    **dict.fromkeys(("N21", "N22", "N23", "N24"), _ALUMINIUM),
     "N25": _SILICON_ALUMINIUM,
     **dict.fromkeys(("N26", "N27", "N28"), _COPPER),
     **dict.fromkeys(("S31", "S32"), _IRON_BASED),
     **dict.fromkeys(("S33", "S34", "S35"), _NICKEL_BASED),
     **dict.fromkeys(("S36", "S37"), _TITANIUM_ALLOY),
 }
+
+
+def _start_values() -> dict[str, tuple[StartValue, ...]]:
+    """Return the start values of all groups: those of hardened steel follow the law of hardness."""
+    values = dict(_ANNEALED)
+    for name, group in GROUPS.items():
+        if name in values:
+            continue
+        annealed = softest(group)
+        factor = speed_factor(group.hardness, nominal=annealed.hardness)
+        reason = f"for {group.hardness:g} in place of {annealed.hardness:g} HB"
+        values[name] = _scaled(values[annealed.name], factor, reason)
+    return values
+
+
+START_VALUES = _start_values()
 """Start values of each group of VDI 3323, in the order of their grades."""
-FEEDS = {"M": (0.1, 0.4), "N": (0.1, 0.4), "S": (0.1, 0.3)}
-"""Feeds for which makers have start values, by group of ISO 513 [mm/rev]."""
+_FEEDS = {"M": (0.1, 0.4), "N": (0.1, 0.4), "S": (0.1, 0.3)}
+_FEEDS_OF_GROUP = {"M14D": (0.1, 0.25)}
 FEEDS_SOURCE = "Kyocera 2016-2017, p. 214, for M; DGI Supply for N and S"
+
+
+def feeds_of(group: Group) -> tuple[float, float] | None:
+    """Return the lowest and highest feed for which makers have start values [mm/rev].
+
+    It is None for groups whose feeds only the chip breaker bounds.
+    """
+    return _FEEDS_OF_GROUP.get(group.name, _FEEDS.get(group.letter))
 
 
 class Grade(NamedTuple):
@@ -166,6 +211,7 @@ class Start(NamedTuple):
     deviation: float  # log standard deviation of this speed [-]
     sources: tuple[str, ...]
     assumptions: tuple[str, ...]
+    interrupted: bool = False  # whether the maker states it for interrupted cuts
 
 
 def start_of(group: Group, grade: Grade) -> Start:
@@ -182,18 +228,20 @@ def start_of(group: Group, grade: Grade) -> Start:
         above = min(value for value in values if value.grade >= grade.number)
     span = above.grade - below.grade
     share = (grade.number - below.grade) / span if span else 0.0
+    factor = speed_factor(group.hardness, nominal=GROUPS[group.name].hardness)
     speeds = Range(
-        low=_between(below.speed.low, above.speed.low, share),
-        usual=_between(below.speed.usual, above.speed.usual, share),
-        high=_between(below.speed.high, above.speed.high, share),
+        low=factor * _between(below.speed.low, above.speed.low, share),
+        usual=factor * _between(below.speed.usual, above.speed.usual, share),
+        high=factor * _between(below.speed.high, above.speed.high, share),
     )
     sources = dict.fromkeys((below.described, above.described))
     return Start(
         speeds=speeds,
-        speed=_between(below.reference_speed, above.reference_speed, share),
+        speed=factor * _between(below.reference_speed, above.reference_speed, share),
         deviation=math.log(speeds.high / speeds.low) / (2 * 1.96),
         sources=tuple(sources),
         assumptions=tuple(_assumptions(group, grade, below=below, above=above)),
+        interrupted=below.interrupted or above.interrupted,
     )
 
 
