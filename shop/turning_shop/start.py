@@ -37,7 +37,7 @@ from turning_shop.allowed import (
     feed_range,
     with_roughness,
 )
-from turning_shop.catalogue import UNMEASURED, groups, inserts, laws, materials, thrust
+from turning_shop.catalogue import UNMEASURED, groups, laws, materials, thrust
 from turning_shop.catalogue.groups import softest, with_hardness
 from turning_shop.catalogue.hardness import MAX_OF_CARBIDE
 from turning_shop.catalogue.inserts import Insert, read_insert
@@ -48,6 +48,7 @@ from turning_shop.catalogue.start_values import (
     FEEDS_SOURCE,
     LIFE,
     Start,
+    check_grade,
     feeds_of,
     read_grade,
     start_of,
@@ -140,10 +141,11 @@ class Job(NamedTuple):
             f"Taylor's n {TAYLOR:g} (Dormer Pramet 2024, p. 76); V f^{FEED_EXPONENT:g} "
             f"ap^{DEPTH_EXPONENT:g} is constant (handbooks, adaptive part programming paper)"
         )
+        prepared = f", {insert.edge}" if insert.edge.letter else ""
         yield (
             f"{insert.name}: {insert.shape.name}, edge {insert.edge_length:.1f} mm, "
-            f"nose radius {insert.nose_radius:g} mm, {insert.edges} edges (ISO 1832); "
-            f"{insert.cut.name} ({inserts.CUTS_SOURCE})"
+            f"nose radius {insert.nose_radius:g} mm, {insert.edges} edges{prepared} (ISO 1832); "
+            f"{insert.cut.name} ({insert.cut.source}), scaled to its size, nose and clearance"
         )
         if feeds := feeds_of(group):
             low, high = feeds
@@ -203,8 +205,10 @@ def job_of(question: Question) -> Job:
     if depth is None:
         depth = min(insert.cut.depth.usual, insert.max_depth)
         assumptions = (f"no --depth is given: {depth:.3g} mm, the usual one of its chip breaker",)
-    start = start_of(material.group, grade)
-    if question.start_speed is not None:
+    if question.start_speed is None:
+        check_grade(material.group, grade)
+        start = start_of(material.group, grade)
+    else:
         feed = insert.cut.feed.usual
         if question.feeds is not None:
             # The box states its start speed at the middle of its own window.

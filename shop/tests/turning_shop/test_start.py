@@ -331,12 +331,86 @@ def test_a_designation_gives_edge_nose_radius_and_number_of_edges(
     assert insert.edges == edges
 
 
-def test_the_chip_breakers_letter_gives_the_window() -> None:
-    windows = [read_insert(f"CNMG120412-{letters}").feeds for letters in ("PF", "PM", "PR")]
-    assert windows == sorted(windows)
+@pytest.mark.parametrize(
+    ("finishing", "medium", "roughing"),
+    [
+        ("-PF", "-PM", "-PR"),
+        ("FN", "-MN", "-RN"),
+        ("-F3P", "-M3P", "-R3P"),
+        ("-FP5", "-MP5", "-RP5"),
+    ],
+)
+def test_a_makers_name_of_a_breaker_gives_the_window(
+    finishing: str, medium: str, roughing: str
+) -> None:
+    """The letter that names the cut stands last at Sandvik, first at Kennametal and ISCAR."""
+    names = [read_insert(f"CNMG120408{name}").cut.name for name in (finishing, medium, roughing)]
+    assert names == ["finishing", "medium cuts", "roughing"]
+
+
+def test_an_unknown_breaker_is_named_as_unknown() -> None:
     unknown = read_insert("CNMG120412-XYZ")
-    assert unknown.feeds == windows[1]
-    assert "XYZ" in unknown.assumptions[0]
+    assert "XYZ is unknown" in unknown.assumptions[0]
+    assert unknown.feeds[1] < read_insert("CNMG120412-PM").feeds[1]
+
+
+def test_the_window_scales_with_size_nose_radius_and_clearance() -> None:
+    usual = read_insert("CNMG120408-PM")
+    assert usual.feeds == (0.2, 0.5)
+    assert usual.depths == (1.0, 4.0)
+    small = read_insert("CCMT060204-PM")
+    # Kyocera 2021-2022, p. 301: small positive inserts of 0.4 mm, medium cuts.
+    assert small.depths == pytest.approx((0.5, 2.0))
+    assert small.feeds == pytest.approx((0.1, 0.25), abs=0.01)
+    large = read_insert("SNMG190616-PR")
+    assert large.depths == pytest.approx((2.25, 9.0))
+
+
+@pytest.mark.parametrize(
+    ("text", "edge", "breaker"),
+    [
+        ("CNGA120408S01030", "S", ""),
+        ("CNGA120408-S01030", "S", ""),
+        ("CNMG120408E-PM", "E", "PM"),
+        ("CNMG120408EN", "E", ""),
+        ("TNGA160408T02020", "T", ""),
+        ("CNMG120408-PM", "", "PM"),
+        ("CNMG120408FN", "", "FN"),
+    ],
+)
+def test_edge_preparations_are_read(text: str, edge: str, breaker: str) -> None:
+    insert = read_insert(text)
+    assert insert.edge.letter == edge
+    assert insert.breaker == breaker
+
+
+def test_a_chamfer_has_width_and_angle() -> None:
+    """S01030 of ISO 1832: 0.10 mm by 30 degrees."""
+    edge = read_insert("CNGA120408S01030").edge
+    assert edge.chamfer == pytest.approx(0.10)
+    assert edge.angle == 30.0
+
+
+@pytest.mark.parametrize(
+    ("material", "grade", "message"),
+    [
+        ("100Cr6", "H10", "made for hardened material"),
+        ("42CrMo4", "N10", "made for N, and not for P"),
+        ("6061", "P25", "made for P, and not for N"),
+        ("GG25", "BH-K10", "B is CBN"),
+        ("42CrMo4", "CC-P10", "C ceramics"),
+    ],
+)
+def test_a_grade_for_something_else_is_refused(material: str, grade: str, message: str) -> None:
+    question = Question(material, "CNGA120408S01030", grade, BAR, depth=0.5)
+    with pytest.raises(WorkshopError, match=message):
+        job_of(question)
+
+
+def test_the_speed_of_the_box_makes_any_grade_of_the_table_usable() -> None:
+    question = Question("42CrMo4", "CNGA120408S01030", "H10", BAR, depth=0.5, start_speed=150.0)
+    speeds = job_of(question).window.speeds
+    assert speeds == pytest.approx((112.5, 187.5))
 
 
 @pytest.mark.parametrize(

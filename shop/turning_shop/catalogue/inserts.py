@@ -1,7 +1,7 @@
 """Read an insert's designation: ISO 1832, such as CNMG120408-PM, or ANSI B212.4, such as CNMG432.
 
-It gives shape, size, nose radius and number of edges. The chip breaker after it is the maker's own;
-its last letter usually says for which cuts it is made.
+It gives shape, size, nose radius, edge preparation and number of edges. The chip breaker after it
+is the maker's own: ``breakers.py``.
 """
 
 import math
@@ -9,7 +9,8 @@ import re
 from typing import NamedTuple
 
 from turning_shop import WorkshopError
-from turning_shop.catalogue import Range
+from turning_shop.catalogue import breakers
+from turning_shop.catalogue.breakers import BREAKERS, Window
 
 INCH = 25.4  # [mm]
 
@@ -42,10 +43,38 @@ _CIRCLES = (3.97, 4.76, 5.56, 6.35, 7.94, 9.525, 12.7, 15.875, 19.05, 25.4, 31.7
 DOUBLE_SIDED = "GANFUQJC"
 """Letters of inserts whose both faces have edges, if their clearance angle is 0 (N)."""
 
-_ISO = re.compile(
-    r"([A-Z])([A-Z])([A-Z])([A-Z])(\d\d)([0-9T]\d)(\d\d)(?!\d)([EFSTKP]?)([LRN]?)(.*)"
-)
+FLAT_TYPES = "ANQW"
+"""Letters of inserts without chip breaker on any face."""
+PREPARATIONS = {
+    "F": "sharp",
+    "E": "rounded",
+    "T": "chamfered",
+    "S": "chamfered and rounded",
+    "K": "double chamfered",
+    "P": "double chamfered and rounded",
+}
+"""Edge preparations of ISO 1832 by their letter."""
+
+_ISO = re.compile(r"([A-Z])([A-Z])([A-Z])([A-Z])(\d\d)([0-9T]\d)(\d\d|M0)(?!\d)(.*)")
 _ANSI = re.compile(r"([A-Z])([A-Z])([A-Z])([A-Z])(\d)(\d(?:\.\d)?)(\d(?:\.\d)?)(?!\d)(.*)")
+# Edge preparation and direction, and the chamfer: width in 1/100 mm, angle in degrees.
+_EDGE = re.compile(r"([EFSTKP]?)([LRN]?)(?:(\d{3})(\d\d))?(?:[-_/](.*))?")
+
+
+class Edge(NamedTuple):
+    """How the cutting edge is prepared."""
+
+    letter: str = ""  # of ISO 1832; empty if the designation states none
+    chamfer: float = 0.0  # its width [mm]; 0 if the designation states none
+    angle: float = 0.0  # of the chamfer [degree]
+
+    def __str__(self) -> str:
+        if not self.letter:
+            return ""
+        text = f"edge {PREPARATIONS[self.letter]} ({self.letter})"
+        if self.chamfer:
+            text += f", chamfer {self.chamfer:g} mm by {self.angle:g} degrees"
+        return text
 
 
 class Insert(NamedTuple):
@@ -56,7 +85,9 @@ class Insert(NamedTuple):
     edges: int  # usable edges
     edge_length: float  # [mm]
     nose_radius: float  # [mm]
-    cut: "Cut"
+    edge: Edge
+    breaker: str  # empty if the designation states none
+    cut: Window
     assumptions: tuple[str, ...] = ()
 
     @property
@@ -75,23 +106,6 @@ class Insert(NamedTuple):
         return self.shape.usable * self.edge_length
 
 
-class Cut(NamedTuple):
-    """The cuts for which chip breakers are made."""
-
-    name: str
-    feed: Range  # [mm/rev]
-    depth: Range  # [mm]
-
-
-CUTS = {
-    "F": Cut("finishing", Range(0.1, 0.25, 0.4), Range(0.5, 1.0, 1.5)),
-    "M": Cut("medium cuts", Range(0.2, 0.35, 0.5), Range(1.0, 2.5, 4.0)),
-    "R": Cut("roughing", Range(0.3, 0.45, 0.6), Range(1.5, 4.0, 6.0)),
-}
-"""Windows of feed and depth by the breaker's last letter."""
-CUTS_SOURCE = "Sumitomo general catalogue 2019-2020, p. 13 (chip breakers for steel)"
-
-
 def read_insert(text: str) -> Insert:
     """Return the insert of a designation.
 
@@ -108,11 +122,9 @@ def read_insert(text: str) -> Insert:
     if match := _ISO.fullmatch(compact):
         circle = _circle(text, shape_of(text, match[1]), match[1], match[5])
         radius = int(match[7]) / 10.0
-        breaker = match[10]
     elif match := _ANSI.fullmatch(compact):
         circle = int(match[5]) / 8.0 * INCH
         radius = round(float(match[7]) / 64.0 * INCH, 1)
-        breaker = match[8]
     else:
         raise WorkshopError(
             f"--tool {text}: this is no designation of ISO 1832, such as CNMG120408-PM "
@@ -124,17 +136,42 @@ def read_insert(text: str) -> Insert:
         raise WorkshopError(f"--tool {text}: the nose radius is 0, of a sharp insert")
     if circle == 0.0:
         raise WorkshopError(f"--tool {text}: the size of the edge is 0")
-    is_double = match[2] == "N" and match[4] in DOUBLE_SIDED
-    cut, assumptions = _cut(breaker.strip("-_/"))
+    is_positive = match[2] != "N"
+    is_double = not is_positive and match[4] in DOUBLE_SIDED
+    edge, breaker = _edge_and_breaker(match[8])
+    cut, assumptions = _cut(breaker, is_flat=match[4] in FLAT_TYPES)
     return Insert(
         name=text.strip(),
         shape=shape,
         edges=shape.corners * (2 if is_double else 1),
         edge_length=shape.edge_per_circle * circle,
         nose_radius=radius,
-        cut=cut,
+        edge=edge,
+        breaker=breaker,
+        cut=breakers.window_of(cut, circle, radius, is_positive=is_positive),
         assumptions=assumptions,
     )
+
+
+def _edge_and_breaker(tail: str) -> tuple[Edge, str]:
+    """Return the edge preparation and the chip breaker after the nose radius.
+
+    Makers write their breaker after a hyphen, or without one, as Kennametal's FN. Letters that are
+    a breaker's count as one.
+    """
+    first = re.split(r"[-_/]", tail.strip("-_/"))[0]
+    if first in BREAKERS:
+        return Edge(), first
+    if re.fullmatch(r"[EFSTKP][LRN]?\d{5}", first):
+        tail = tail.lstrip("-_/")  # a chamfer that is written after a hyphen
+    match = _EDGE.fullmatch(tail)
+    if not match:
+        return Edge(), first
+    letter, _, width, angle, breaker = match.groups(default="")
+    edge = Edge(letter)
+    if letter and width:
+        edge = Edge(letter, chamfer=int(width) / 100.0, angle=float(angle))
+    return edge, re.split(r"[-_/]", breaker)[0]
 
 
 def shape_of(text: str, letter: str) -> _Shape:
@@ -164,17 +201,16 @@ def _circle(text: str, shape: _Shape, letter: str, code: str) -> float:
     return circles[code]
 
 
-def _cut(breaker: str) -> tuple[Cut, tuple[str, ...]]:
-    """Return the cuts of a chip breaker, and what was assumed.
-
-    Makers put a letter for the material before that for the cut: -PM, -MF, -KR.
-    """
-    letters = breaker.split("-")[0]
-    if re.fullmatch(r"W?[PMKNS]?[FMR]\d?", letters):
-        return CUTS[letters.rstrip("0123456789")[-1]], ()
-    named = f"chip breaker {letters}" if letters else "no chip breaker"
+def _cut(breaker: str, is_flat: bool) -> tuple[Window, tuple[str, ...]]:
+    """Return the window of a chip breaker, and what was assumed."""
+    if breaker in BREAKERS:
+        known = BREAKERS[breaker]
+        return known.window, (f"chip breaker {breaker}: as {known.makers} name it",)
+    if is_flat and not breaker:
+        return breakers.FLAT, ()
+    named = f"chip breaker {breaker} is unknown" if breaker else "no chip breaker is stated"
     assumption = (
-        f"{named}: taken as one for medium cuts; "
+        f"{named}: a window between finishing and medium cuts; "
         "--feeds LOW-HIGH states the window on the box of inserts"
     )
-    return CUTS["M"], (assumption,)
+    return breakers.UNKNOWN, (assumption,)

@@ -192,7 +192,13 @@ def read_grade(text: str) -> Grade:
     Raises:
         WorkshopError: It is no application of ISO 513.
     """
-    match = re.fullmatch(r"(?:H[CWTF]-?)?([PMKNSH])(\d\d)", text.strip().upper())
+    plain = text.strip().upper()
+    if re.fullmatch(r"[BCD][A-Z]-?[PMKNSH]\d\d", plain):
+        raise WorkshopError(
+            f"--grade {text}: B is CBN, C ceramics and D diamond, for which the sources have no "
+            "start values: --start-speed states that of the box, with an application such as K20"
+        )
+    match = re.fullmatch(r"(?:H[CWTF]-?)?([PMKNSH])(\d\d)", plain)
     if not match or not 1 <= int(match[2]) <= 50:
         raise WorkshopError(
             f"--grade {text}: this is no application of ISO 513, such as P25 (P steel, "
@@ -201,6 +207,26 @@ def read_grade(text: str) -> Grade:
             "application beside it"
         )
     return Grade(match[1], int(match[2]))
+
+
+NEIGHBOURS = {"P": "M", "M": "PS", "K": "P", "N": "K", "S": "MK"}
+"""Other applications of ISO 513 whose grades also cut a group, such as uncoated K10 aluminium."""
+
+
+def check_grade(group: Group, grade: Grade) -> None:
+    """Raise a WorkshopError if a grade is not for a group, so that its speed is unknown."""
+    if grade.letter == group.letter or grade.letter in NEIGHBOURS[group.letter]:
+        return
+    advice = "--start-speed states that of the box"
+    if grade.letter == "H":
+        raise WorkshopError(
+            f"--grade {grade.name} is made for hardened material, as CBN and ceramics are: their "
+            f"speeds in {group.name} are not in the sources; {advice}"
+        )
+    raise WorkshopError(
+        f"--grade {grade.name} is made for {grade.letter}, and not for {group.letter}: its speed "
+        f"in {group.name} is not in the sources; {advice}"
+    )
 
 
 class Start(NamedTuple):
