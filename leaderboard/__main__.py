@@ -175,6 +175,7 @@ def _add_run_options(parser: argparse.ArgumentParser) -> None:
     )
     add(
         "--private-key",
+        type=_private_key,
         metavar="KEY",
         help="16 characters or more that determine other seeds, and other jobs of a family; give "
         "these --results of their own",
@@ -795,6 +796,13 @@ def _seeds(text: str) -> list[int]:
         return held_out_seeds(whole_number(text))
     except ValueError as error:
         raise argparse.ArgumentTypeError(str(error)) from error
+
+
+def _private_key(text: str) -> str:
+    """Return a private key, as an argparse type: seeds are derived from its bytes in UTF-8."""
+    if not text.isprintable():
+        raise argparse.ArgumentTypeError("a private key must consist of printable characters")
+    return text
 
 
 def _like(pattern: str, meaning: str) -> Callable[[str], str]:

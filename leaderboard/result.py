@@ -59,6 +59,11 @@ MAX_BYTES = 100_000_000
 
 The results that ship have up to 7 MB in a folder.
 """
+MAX_RESULTS = 500
+"""Largest number of results in a file, and in a folder up to those of one more file.
+
+Ranking compares every two. The folders that ship have up to 88.
+"""
 MIN_DICTIONARY = 4096  # smallest that xz allows [bytes]
 MAX_DICTIONARY = 64 << 20  # that of xz's preset 9 [bytes]
 MAX_XZ_MEMORY = 2 * MAX_DICTIONARY  # memory with which a file is decompressed [bytes]
@@ -143,7 +148,9 @@ class Task(Part):
     of_family: FamilySplit | None = None
 
     @model_validator(mode="after")
-    def _check_private_seeds(self) -> Self:
+    def _check_seeds(self) -> Self:
+        if not self.seeds:
+            raise ValueError("seeds must hold a seed or more")
         if self.private is not None and self.seeds != list(range(len(self.seeds))):
             raise ValueError("seeds that are private must be named by their places, 0 and up")
         return self
@@ -284,7 +291,9 @@ class ResultFile(Part):
 
     schema_: Literal["rough-turning/results/5"] = Field(alias="schema", default=SCHEMA)
     task: Task
-    results: list[Annotated[Result, PlainSerializer(_without_task)]]
+    results: Annotated[
+        list[Annotated[Result, PlainSerializer(_without_task)]], Field(max_length=MAX_RESULTS)
+    ]
 
     @model_validator(mode="before")
     @classmethod
@@ -398,10 +407,10 @@ def read_results(folder: Path, complain: Callable[[str], None] | None = None) ->
     total = 0
     for path in result_files(folder):
         try:
-            if total > MAX_BYTES:
+            if total > MAX_BYTES or len(results) > MAX_RESULTS:
                 raise ResultError(
-                    f"{path} is not read, as the results before it in its folder hold more than "
-                    f"{MAX_BYTES} bytes"
+                    f"{path} is not read, as the files before it in its folder hold more than "
+                    f"{MAX_BYTES} bytes or {MAX_RESULTS} results"
                 )
             part, size = _read(ResultFile, path)
             total += size

@@ -185,3 +185,29 @@ def test_a_name_that_is_not_utf_8_is_printed_escaped(board: Path, tmp_path: Path
     )
     assert r"r\udcff/index.html" in ended.stdout
     assert (results / "index.html").is_file()
+
+
+def test_a_task_without_seeds_is_refused_by_name(board: Path) -> None:
+    path = board / "one.json.xz"
+
+    def remove_seeds(content: Any) -> None:
+        content["task"]["seeds"] = []
+        episodes = content["results"][0]["episodes"]
+        content["results"][0]["episodes"] = {name: [] for name in episodes}
+
+    damaged(path, remove_seeds)
+    with pytest.raises(ResultError, match=r"one\.json\.xz: task: .*seeds must hold a seed or more"):
+        read_file(path)
+
+
+def test_a_file_has_a_largest_number_of_results(board: Path) -> None:
+    path = board / "one.json.xz"
+    damaged(path, lambda content: content.update(results=content["results"] * 501))
+    with pytest.raises(ResultError, match=r"one\.json\.xz: results: .* at most 500 items"):
+        read_file(path)
+
+
+def test_a_private_key_that_is_no_text_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["run", "--private-key", os.fsdecode(b"\xff" * 20)])
+    assert "must consist of printable characters" in capsys.readouterr().err
