@@ -22,18 +22,16 @@ Step = tuple[Any, float, float, bool, bool, dict[str, Any]]
 class CostStep(gymnasium.Wrapper[Any, Any, Any, Any]):
     """An environment whose steps return a cost after the reward.
 
-    A step's cost is the time in severe overload less the allowed share of cutting time [s]. A
-    policy is feasible if the mean of an episode's costs is at most 0. The reward lacks its term of
-    overload, so that overload has one price, the multiplier of the constraint.
+    A step's cost is ``info["cost"]`` [s]: the time in severe overload less the allowed share of
+    cutting time. A policy is feasible if an episode's sum is at most 0 on average. The reward lacks
+    its term of overload, so that overload has one price, the multiplier of the constraint.
     """
 
     def step(self, action: Any) -> Step:  # type: ignore[override]
         """Return observation, reward, cost, terminated, truncated and info."""
         observation, reward, terminated, truncated, info = self.env.step(action)
-        allowance = self.get_wrapper_attr("scenario").limits.overload_allowance
-        cost = info["severe_overload_time"] - allowance * info["engaged_time"]
         reward_without_overload = float(reward) - info["reward_overload"]
-        return observation, reward_without_overload, cost, terminated, truncated, info
+        return observation, reward_without_overload, info["cost"], terminated, truncated, info
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -56,8 +56,7 @@ class GuidedVecEnv(RoughTurningVecEnv):
         self._episode_seeds = np.array(seeds)
         self._observations, infos = self.vector_env.reset(seed=self._episode_seeds.tolist())
         self._reset_seeds()
-        self._returns[:] = 0.0
-        self._lengths[:] = 0
+        self._clear_sums(np.ones(self.num_envs, np.bool_))
         jobs = [self._family.job(int(number)) for number in infos["job"]]
         self._rule = GuidedRule([job.scenario.nominal() for job in jobs])
         self._features = self._rule.features(self._observations)
@@ -74,11 +73,12 @@ class GuidedVecEnv(RoughTurningVecEnv):
         for _ in range(HOLD):
             actions = self._rule.act(self._observations)
             step = self.vector_env.step(actions)
-            self._observations, rewards, terminated, truncated, _ = step
+            self._observations, rewards, terminated, truncated, infos = step
             # After an episode's end, the rest of the decision belongs to no episode.
             counted_rewards = np.where(done, 0.0, rewards)
             decision_rewards += counted_rewards
             self._returns += counted_rewards
+            self._costs += np.where(done, 0.0, infos["cost"])
             ended = terminated | truncated
             if ended.any():
                 for index in np.flatnonzero(ended & ~done).tolist():
@@ -104,8 +104,7 @@ class GuidedVecEnv(RoughTurningVecEnv):
         ]
         self._observations, _ = self.vector_env.reset(seed=seeds, options={"reset_mask": mask})
         self._rule.reset(mask)
-        self._returns[mask] = 0.0
-        self._lengths[mask] = 0
+        self._clear_sums(mask)
 
 
 DEFAULTS: dict[str, Any] = {

@@ -7,8 +7,10 @@ After each rollout, the multiplier rises if the severely overloaded share of cut
 its target, and falls if it is below. This is dual ascent on the logarithm of the multiplier (Ray,
 Achiam and Amodei 2019, "Benchmarking safe exploration in deep reinforcement learning", section
 5.2). The target is a share of ``limits.overload_allowance``. The rest is a margin, because a
-confidence limit decides whether a policy is feasible. The same command resumes an interrupted
-training, and does nothing if training is finished. Files: see ``train/training.py``.
+confidence limit decides whether a policy is feasible. Without the margin this is the constraint on
+``info["cost"]``: the severe share less the allowance is the cost of a second of cutting. The same
+command resumes an interrupted training, and does nothing if training is finished. Files: see
+``train/training.py``.
 """
 
 import math

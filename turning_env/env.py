@@ -88,14 +88,14 @@ class BaseEnv:
         """Return a specification that holds values instead of paths, and the number of steps."""
         jobs = self._batch.jobs
         kwargs = dict(spec.kwargs)
-        kwargs.pop("max_episode_steps", None)  # make_vec states it twice
+        # make_vec passes it on, and leaves the specification's own as it was.
+        steps = kwargs.pop("max_episode_steps", spec.max_episode_steps)
         if "scenario" in kwargs and kwargs["scenario"] not in presets():
             kwargs["scenario"] = self.scenario.portable()
         if jobs is not None and "family" in kwargs:
             kwargs["family"] = jobs.family.portable()
         if "autoreset_mode" in kwargs:
             kwargs["autoreset_mode"] = AutoresetMode(kwargs["autoreset_mode"]).value
-        steps = spec.max_episode_steps
         if steps is None and jobs is None:
             steps = steps_of_spec(self.scenario)
         return replace(spec, kwargs=kwargs, max_episode_steps=steps)
@@ -202,9 +202,18 @@ class RoughTurningEnv(BaseEnv, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
     Over the step: `time`, `engaged_time`, `stopped_time`, `overload_time`, `severe_overload_time`,
     `overload_2_percent_time` and `overload_10_percent_time` [s], `mean_thrust_force` [N] and
     `mean_power` [kW] while cutting, `removed` [cm3], `passes`, `edges_used` and `edges_broken` [-],
-    `roughness_deviation` (integral of the relative deviation) [s], `cost` = `cost_force` +
-    `cost_power` (mean relative excess over each limit [-], positive means violated), and the terms
-    of the reward [s], with `reward_roughness`, which is 0 here.
+    `roughness_deviation` (integral of the relative deviation) [s], `excess` = `excess_force` +
+    `excess_power` (mean relative excess over each limit [-], positive means violated), the `cost`
+    [s], and the terms of the reward [s], with `reward_roughness`, which is 0 here.
+
+    ## Constraint
+
+    With `info["cost"]`, the task is a constrained Markov decision process (CMDP). The cost of a
+    step is `severe_overload_time - 0.05 * engaged_time` [s], with the scenario's
+    `limits.overload_allowance` of 0.05. A policy is feasible if the sum of an episode's costs is at
+    most 0 in expectation over seeds. The leaderboard decides by the same constraint, pooled over
+    its seeds. An algorithm that takes the constraint should learn from `reward -
+    info["reward_overload"]`, or overload is paid for twice.
 
     ## Arguments
 

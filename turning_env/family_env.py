@@ -35,15 +35,16 @@ def vector_env(
     source: str | os.PathLike[str] | Scenario | Family,
     num_envs: int,
     autoreset_mode: AutoresetMode,
+    **kwargs: Any,
 ) -> RoughTurningVectorEnv:
     """Return a batch of a scenario's environments, or of a family's training jobs.
 
-    The source is a scenario or a ``Family``, or the name of either. Raise ScenarioError if it names
-    neither.
+    The source is a scenario or a ``Family``, or the name of either. ``kwargs`` are further
+    arguments of ``RoughTurningVectorEnv``. Raise ScenarioError if it names neither.
     """
     if isinstance(source, Family) or (isinstance(source, str) and source in families()):
-        return FamilyVectorEnv(num_envs, source, autoreset_mode=autoreset_mode)
-    return RoughTurningVectorEnv(num_envs, source, autoreset_mode=autoreset_mode)
+        return FamilyVectorEnv(num_envs, source, autoreset_mode=autoreset_mode, **kwargs)
+    return RoughTurningVectorEnv(num_envs, source, autoreset_mode=autoreset_mode, **kwargs)
 
 
 class FamilyEnv(FamilyBase, RoughTurningEnv):

@@ -4,7 +4,7 @@
 """
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from gymnasium.error import ResetNeeded
@@ -13,7 +13,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from turning_env.batch.driver import Batch, Jobs, action_space, checked_seed, observation_space
-from turning_env.env import BaseEnv, check_options, steps_of_spec
+from turning_env.env import BaseEnv, check_options
 from turning_env.info import INFO_KEYS, info_of
 from turning_env.scenario import Source
 
@@ -31,7 +31,7 @@ class RoughTurningVectorEnv(BaseEnv, VectorEnv[NDArray[np.float32], NDArray[np.f
     See ``RoughTurningEnv`` for the specification. After ``reset(seed=s)``, environment i matches
     the single environment after ``reset(seed=s + i)`` bit for bit, across autoresets, for any
     number of environments. ``infos`` holds an array and a mask ``_key`` for each key of the single
-    environment's info.
+    environment's info. All arrays that are returned are the caller's, to keep and to change.
 
     Args:
         num_envs: number of environments, at least 1.
@@ -46,8 +46,8 @@ class RoughTurningVectorEnv(BaseEnv, VectorEnv[NDArray[np.float32], NDArray[np.f
             ``RoughTurningEnv`` draws it.
         rendered_envs: number of environments to draw, from the first on; each takes a few
             milliseconds. None: all.
-        max_episode_steps: None or the scenario's own number, which ``gymnasium.make_vec`` passes on
-            from a spec.
+        max_episode_steps: number of steps after which episodes are truncated, as by Gymnasium's
+            ``TimeLimit`` around each environment. None or -1: when the scenario says.
 
     Raises:
         ValueError: an argument, a seed or the reset mask is not allowed, or an action not of shape
@@ -80,20 +80,11 @@ class RoughTurningVectorEnv(BaseEnv, VectorEnv[NDArray[np.float32], NDArray[np.f
             "autoreset_mode": self.autoreset_mode,
         }
         self._set_up(Batch(scenario, num_envs), render_mode, rendered_envs or num_envs)
-        steps = steps_of_spec(self.scenario)
-        if max_episode_steps not in (None, steps):
-            raise ValueError(
-                f"max_episode_steps is {max_episode_steps}, but must be {steps}: "
-                "set control.time_limit instead"
-            )
+        self._max_episode_steps = _checked_max_episode_steps(max_episode_steps)
         self.single_observation_space = observation_space(self.scenario, self._batch.context_size)
         self.single_action_space = action_space(self.scenario)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        # Every info holds this mask, so nobody may write to it.
-        self._all = np.ones(num_envs, np.bool_)
-        self._all.flags.writeable = False
-        self._masks = dict.fromkeys(_MASK_KEYS, self._all)
 
     def reset(
         self,
@@ -116,7 +107,7 @@ class RoughTurningVectorEnv(BaseEnv, VectorEnv[NDArray[np.float32], NDArray[np.f
         batch.start(chosen)
         if self._viewer is not None:
             self._viewer.note()
-        return batch.observations, self._infos(batch.table, chosen)
+        return batch.observations.copy(), self._infos(np.where(chosen, batch.table, 0.0), chosen)
 
     def step(self, actions: Any) -> Step:
         """Run one step in every environment; actions of shape (num_envs, action size)."""
@@ -127,6 +118,8 @@ class RoughTurningVectorEnv(BaseEnv, VectorEnv[NDArray[np.float32], NDArray[np.f
             ended_envs = np.flatnonzero(batch.ended).tolist()
             raise ResetNeeded(f"the episodes of environments {ended_envs} have ended")
         batch.step(actions)
+        if self._max_episode_steps is not None:
+            batch.truncate_after(self._max_episode_steps)
         # Read before the next episodes start, which write a new table.
         rewards = batch.rewards
         terminated = batch.terminated
@@ -139,8 +132,9 @@ class RoughTurningVectorEnv(BaseEnv, VectorEnv[NDArray[np.float32], NDArray[np.f
                 batch.start(ended)
         if self._viewer is not None:
             self._viewer.note()
-        infos = self._infos(batch.table, self._all) | final
-        return batch.observations, rewards, terminated, truncated, infos
+        infos = self._infos(batch.table) | final
+        # A copy, because a later reset of some environments returns the others' observations again.
+        return batch.observations.copy(), rewards, terminated, truncated, infos
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
         """Return a frame of each rendered environment: uint8, shape (640, 960, 3)."""
@@ -172,7 +166,7 @@ class RoughTurningVectorEnv(BaseEnv, VectorEnv[NDArray[np.float32], NDArray[np.f
 
     def _reset_mask(self, options: dict[str, Any] | None) -> Mask:
         if not options or "reset_mask" not in options:
-            return self._all
+            return np.ones(self.num_envs, np.bool_)
         try:
             mask = np.array(options["reset_mask"])
         except ValueError:  # ragged
@@ -186,16 +180,19 @@ class RoughTurningVectorEnv(BaseEnv, VectorEnv[NDArray[np.float32], NDArray[np.f
             raise ResetNeeded("the first reset() must start every environment")
         return mask
 
-    def _infos(self, table: Array, mask: Mask) -> Infos:
+    def _infos(self, table: Array, mask: Mask | Literal[True] = True) -> Infos:
         """Return an array per key of the info, each with the mask of the environments with a value.
 
-        ``table`` has the rows of a report.
+        ``table`` has the rows of a report; entries of other environments are 0.
         """
-        masks = self._masks if mask is self._all else dict.fromkeys(_MASK_KEYS, mask)
-        infos: Infos = info_of(table) | masks
+        # Every key has a mask of its own, because callers may change one.
+        masks = np.empty((len(_MASK_KEYS), self.num_envs), np.bool_)
+        masks[...] = mask
+        infos: Infos = info_of(table)
+        infos.update(zip(_MASK_KEYS, masks, strict=True))
         if self._batch.jobs is not None:
-            infos["job"] = self._batch.job_numbers.copy()
-            infos["_job"] = mask
+            infos["job"] = np.where(mask, self._batch.job_numbers, 0)
+            infos["_job"] = masks[0].copy()
         return infos
 
     def _final_infos(self, ended: Mask) -> Infos:
@@ -209,10 +206,19 @@ class RoughTurningVectorEnv(BaseEnv, VectorEnv[NDArray[np.float32], NDArray[np.f
         final_info = self._infos(np.where(ended, self._batch.table, 0.0), ended)
         return {
             "final_obs": final_obs,
-            "_final_obs": ended,
+            "_final_obs": ended.copy(),
             "final_info": final_info,
-            "_final_info": ended,
+            "_final_info": ended.copy(),
         }
+
+
+def _checked_max_episode_steps(steps: int | None) -> int | None:
+    """Return a number of steps, or None for no limit; ValueError if it is neither, nor -1."""
+    if steps is None or steps == -1:
+        return None
+    if not isinstance(steps, int | np.integer) or steps < 1:
+        raise ValueError(f"max_episode_steps is {steps!r}, but must be None, -1 or at least 1")
+    return int(steps)
 
 
 def info_at_end_of_step(infos: dict[str, Any], name: str) -> NDArray[np.float64]:

@@ -70,4 +70,4 @@ def test_no_pass_is_planned_too_deep_for_a_further_limit(margin, in_one_pass):
     policy.reset(np.ones(1, np.bool_))
     (info,) = infos(scenario, policy.act(observation[np.newaxis]))
     assert (info["passes"] == 1) == in_one_pass
-    assert info["cost_force"] < 1e-6
+    assert info["excess_force"] < 1e-6

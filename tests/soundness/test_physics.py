@@ -53,7 +53,9 @@ def assert_info_adds_up(step: Step, scenario: Scenario) -> None:
     assert info["torque"] == pytest.approx(torque, rel=1e-12)
     assert speed == pytest.approx(info["cutting_speed"] / circumference, rel=1e-12)
     assert info["feed_velocity"] == pytest.approx(speed * info["feed"], rel=1e-12)
-    assert info["cost"] == info["cost_force"] + info["cost_power"]
+    assert info["excess"] == info["excess_force"] + info["excess_power"]
+    allowed_time = scenario.limits.overload_allowance * info["engaged_time"]
+    assert info["cost"] == pytest.approx(info["severe_overload_time"] - allowed_time)
     assert info["removed"] >= 0.0
 
 

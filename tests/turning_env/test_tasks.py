@@ -222,10 +222,10 @@ def test_the_largest_excess_over_a_further_limit_is_charged_as_that_of_the_force
     # The law of BINDING at the depth of 2.5 mm.
     response = 3.0 * info["feed"] ** 0.5 * 2.5**0.8
     excess = response / BINDING["most"] - 1.0
-    assert without["cost_force"] == 0.0
-    assert info["cost_force"] == pytest.approx(excess, rel=1e-6)
+    assert without["excess_force"] == 0.0
+    assert info["excess_force"] == pytest.approx(excess, rel=1e-6)
     assert info["severe_overload_time"] == pytest.approx(info["engaged_time"])
-    for unchanged in ("thrust_force", "power", "wear", "removed", "cost_power"):
+    for unchanged in ("thrust_force", "power", "wear", "removed", "excess_power"):
         assert info[unchanged] == without[unchanged]
 
 

@@ -8,6 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode
 
@@ -21,7 +22,7 @@ from tests.turning_env.playing import (
     changed,
     fixed_actions,
 )
-from turning_env import RoughTurningEnv, RoughTurningVectorEnv, Scenario, presets
+from turning_env import ALL_IDS, RoughTurningEnv, RoughTurningVectorEnv, Scenario, presets
 
 CASES = [pytest.param(preset, AutoresetMode.NEXT_STEP, 3, id=preset) for preset in presets()]
 CASES.append(pytest.param(changed(Scenario(), **FAILING), AutoresetMode.SAME_STEP, 3, id="failing"))
@@ -134,10 +135,96 @@ def test_bad_arguments_are_refused(arguments, message):
         RoughTurningVectorEnv(**arguments)
 
 
-def test_another_number_of_steps_than_the_scenarios_is_refused():
-    message = r"max_episode_steps is 9, but must be 3600: set control.time_limit instead"
+def assert_same_infos(infos, expected):
+    assert infos.keys() == expected.keys()
+    for key, values in expected.items():
+        if isinstance(values, dict):
+            assert_same_infos(infos[key], values)
+        elif values.dtype == object:
+            assert infos[key].dtype == object
+            for observation, expected_observation in zip(infos[key], values, strict=True):
+                np.testing.assert_array_equal(observation, expected_observation)
+        else:
+            np.testing.assert_array_equal(infos[key], values, err_msg=key)
+            assert infos[key].dtype == values.dtype, key
+            assert infos[key].flags.writeable == values.flags.writeable, key
+
+
+@pytest.mark.parametrize("mode", AutoresetMode)
+@pytest.mark.parametrize("env_id", ALL_IDS)
+def test_it_steps_and_is_truncated_as_gymnasiums_vector_environment(env_id, mode):
+    envs = gymnasium.make_vec(env_id, 3, max_episode_steps=5, autoreset_mode=mode)
+    expected_envs = gymnasium.make_vec(
+        env_id,
+        3,
+        vectorization_mode="sync",
+        vector_kwargs={"autoreset_mode": mode},
+        max_episode_steps=5,
+    )
+    answer = envs.reset(seed=5)
+    expected = expected_envs.reset(seed=5)
+    np.testing.assert_array_equal(answer[0], expected[0])
+    assert_same_infos(answer[1], expected[1])
+    num_truncated = 0
+    for actions in fixed_actions(14, 3, envs.scenario):
+        step = envs.step(actions)
+        expected_step = expected_envs.step(actions.astype(np.float32))
+        for values, expected_values in zip(step[:4], expected_step[:4], strict=True):
+            np.testing.assert_array_equal(values, expected_values)
+            assert values.dtype == expected_values.dtype
+        assert_same_infos(step[4], expected_step[4])
+        num_truncated += step[3].sum()
+        ended = step[2] | step[3]
+        if mode is AutoresetMode.DISABLED and ended.any():
+            answer = envs.reset(options={"reset_mask": ended})
+            expected = expected_envs.reset(options={"reset_mask": ended})
+            np.testing.assert_array_equal(answer[0], expected[0])
+            assert_same_infos(answer[1], expected[1])
+    assert num_truncated == 6
+
+
+@pytest.mark.parametrize("steps", [0, -5, 2.5, "9"])
+def test_a_number_of_steps_that_is_none_is_refused(steps):
+    message = f"max_episode_steps is {steps!r}, but must be None, -1 or at least 1"
     with pytest.raises(ValueError, match=message):
-        gymnasium.make_vec("RoughTurning-v0", max_episode_steps=9)
+        gymnasium.make_vec("RoughTurning-v0", max_episode_steps=steps)
+
+
+def test_a_specification_states_the_number_of_steps():
+    envs = gymnasium.make_vec("RoughTurning-v0", 2, max_episode_steps=5)
+    assert envs.spec.max_episode_steps == 5
+    again = gymnasium.make_vec(EnvSpec.from_json(envs.spec.to_json()))
+    again.reset(seed=0)
+    truncated = [again.step(np.zeros((2, 2)))[3].tolist() for _ in range(5)]
+    assert truncated == [[False, False]] * 4 + [[True, True]]
+
+
+@pytest.mark.parametrize("mode", AutoresetMode)
+def test_arrays_are_the_callers_to_change(mode):
+    envs = RoughTurningVectorEnv(3, SHORT_LIVED, mode)
+    untouched = RoughTurningVectorEnv(3, SHORT_LIVED, mode)
+    envs.reset(seed=0)
+    untouched.reset(seed=0)
+    one_env = np.array([True, False, False])
+    for actions in fixed_actions(STEPS, 3, SHORT_LIVED):
+        step = envs.step(actions)
+        expected_step = untouched.step(actions)
+        assert_same_answers(step, expected_step)
+        ended = expected_step[2] | expected_step[3]
+        for values in step[:4]:
+            values[...] = 1
+        infos = step[4]
+        for key in infos:
+            if key.startswith("_"):
+                infos[key][...] = False
+                # No two masks are one.
+                assert infos["_wear" if key != "_wear" else "_path"].all()
+                infos[key][...] = True
+        for _, values in infos.items():
+            if not isinstance(values, dict):
+                values[...] = 1
+        options = {"reset_mask": one_env | ended}
+        assert_same_answers(envs.reset(options=options), untouched.reset(options=options))
 
 
 def test_unknown_options_are_refused():

@@ -392,6 +392,13 @@ class Batch:
         if ended.any() and np.isfinite(self.actions).all():
             self._take_jobs(np.flatnonzero(ended), ahead=1)
 
+    def truncate_after(self, max_steps: int) -> None:
+        """Truncate the episodes that have had ``max_steps`` steps."""
+        has_had_all = self._states["step_count"] >= max_steps
+        self._states["ended"] |= has_had_all
+        truncated = has_had_all.ravel()[: self.num_envs]
+        self.table[ROW.truncated, truncated] = 1.0
+
     def step(self, actions: Any) -> None:
         """Run one step in every environment, or start the next episode if one has ended.
 

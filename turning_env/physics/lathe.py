@@ -109,8 +109,8 @@ def run_step(state, work, report, actions, count, p):
 
     ``state``, ``work`` and ``report`` are the block's records, ``p`` its parameters
     (``records.py``); ``actions`` has shape (environments, action size). Until the step is finished,
-    ``cost_force``, ``cost_power`` and the means in the report are integrals: [min], [min], [N s]
-    and [kJ].
+    ``excess_force``, ``excess_power`` and the means in the report are integrals: [min], [min],
+    [N s] and [kJ].
     """
     clear_sums(report, FIRST_ENV, count)
     for i in range(count):
@@ -472,8 +472,8 @@ def add_to_sums(state, work, report, i, p, varies):
     report.removed[i] += removal_rate * engaged
     report.mean_thrust_force[i] += seconds * force
     report.mean_power[i] += seconds * power
-    report.cost_force[i] += engaged * over_force
-    report.cost_power[i] += engaged * over_power
+    report.excess_force[i] += engaged * over_force
+    report.excess_power[i] += engaged * over_power
     report.overload_time[i] += seconds if over > 0.0 else 0.0
     # The severe share decides whether a policy is feasible; its tolerance is the scenario's.
     report.severe_overload_time[i] += seconds if over > p.overload_tolerance[i] else 0.0

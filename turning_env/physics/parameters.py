@@ -566,6 +566,7 @@ PARAMETERS = (
     _field("economics.roughness_price"),
     # Limits.
     _field("limits.overload_tolerance"),
+    _field("limits.overload_allowance"),
     P(
         "thrust_force_limit",
         "N",

@@ -264,13 +264,19 @@ OVER_STEP = (
     Q("overload_2_percent_time", "s", "time beyond a limit by more than 2 %"),
     Q("overload_10_percent_time", "s", "time beyond a limit by more than 10 %"),
     Q("roughness_deviation", "s", "integral of the relative deviation of Ra, which is 1 in air"),
-    Q("cost", "-", "cost_force + cost_power; above 0 means violated"),
     Q(
-        "cost_force",
+        "cost",
+        "s",
+        "severe_overload_time - limits.overload_allowance * engaged_time; a policy is feasible if "
+        "an episode's sum is at most 0 in expectation",
+    ),
+    Q("excess", "-", "excess_force + excess_power; above 0 means that a limit was exceeded"),
+    Q(
+        "excess_force",
         "-",
         "mean relative excess of thrust force, or of a further limit's response, over its limit",
     ),
-    Q("cost_power", "-", "mean relative excess of power over its limit"),
+    Q("excess_power", "-", "mean relative excess of power over its limit"),
     # Terms of the reward.
     Q("reward_metal", "s", "reward for removed metal"),
     Q("reward_time", "s", "reward for machine time"),

@@ -11,6 +11,7 @@ import numpy as np
 from turning_env.numerics.compilation import compiled, env_range
 from turning_env.numerics.functions import exp
 from turning_env.physics import records
+from turning_env.physics.constraint import overload_cost
 from turning_env.physics.quantities import AT_END, KEPT, REPORT
 from turning_env.physics.spindle import capacity, idle_power
 from turning_env.physics.surface import roughness
@@ -36,7 +37,7 @@ def clear_sums(report, first, last):
 
 @compiled
 def finish_step(state, work, report, i, p, ends_with_edge, by_step):
-    """Set terminated, truncated, the reward and its terms [s], and the mean force, power and costs.
+    """Set terminated, truncated, reward, its terms and cost [s], and mean force, power and excess.
 
     ``ends_with_edge``: whether the episode ends with its edge. ``by_step``: whether means are over
     the step; with parts, they are over the last pass and set already.
@@ -48,9 +49,12 @@ def finish_step(state, work, report, i, p, ends_with_edge, by_step):
     report.mean_power[i] /= engaged
     set_reward(report, i, p)
     # The integrals of the excess [min] become means over the step [-].
-    report.cost_force[i] /= work.minutes[i]
-    report.cost_power[i] /= work.minutes[i]
-    report.cost[i] = report.cost_force[i] + report.cost_power[i]
+    report.excess_force[i] /= work.minutes[i]
+    report.excess_power[i] /= work.minutes[i]
+    report.excess[i] = report.excess_force[i] + report.excess_power[i]
+    report.cost[i] = overload_cost(
+        report.severe_overload_time[i], report.engaged_time[i], p.overload_allowance[i]
+    )
 
 
 @compiled
@@ -77,7 +81,7 @@ def set_reward(report, i, p):
     - breakage, with the removed volume V [cm3] and the reference removal rate Q_ref [cm3/min].
     Form: adaptive part programming paper, cost of a part (``docs/assumptions.md``).
     """
-    overload = report.cost_force[i] + report.cost_power[i]  # [min]
+    overload = report.excess_force[i] + report.excess_power[i]  # [min]
     report.reward_metal[i] = 60.0 * report.removed[i] / p.reference_removal_rate[i]
     report.reward_time[i] = -report.time[i]
     report.reward_overload[i] = -60.0 * p.overload_price[i] * overload

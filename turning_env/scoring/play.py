@@ -39,7 +39,7 @@ LAST = ("used_life", "wear", "finished")
 EPISODE_FIELDS = ("return", "steps", *SUMS, "excess", *LAST, "truncated")
 """The fields of an episode: return [s], steps, sums and last values of ``info``.
 
-``excess`` is the integral of ``cost`` [s].
+``excess`` is the integral of ``info["excess"]`` [s].
 """
 
 Episodes = dict[str, NDArray[np.float64]]
@@ -88,8 +88,8 @@ def play(
         episodes["steps"] += counted
         for name in SUMS:
             episodes[name] += counted * info_at_end_of_step(infos, name)
-        cost = info_at_end_of_step(infos, "cost")
-        episodes["excess"] += counted * cost * info_at_end_of_step(infos, "time")
+        mean_excess = info_at_end_of_step(infos, "excess")
+        episodes["excess"] += counted * mean_excess * info_at_end_of_step(infos, "time")
         ending = running & ended
         for name in LAST:
             episodes[name][ending] = info_at_end_of_step(infos, name)[ending]

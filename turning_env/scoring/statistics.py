@@ -7,7 +7,9 @@ difference between two policies.
 
 A policy is feasible if the upper confidence limit of its share of cutting time in severe overload
 is within the scenario's allowance, and infeasible if the lower limit is above it. If the allowance
-lies between the limits, feasibility is not shown: more seeds would decide.
+lies between the limits, feasibility is not shown: more seeds would decide. This is the constraint
+of ``turning_env/physics/constraint.py`` on ``info["cost"]``: over episodes, a share within the
+allowance and a sum of costs of at most 0 are the same.
 """
 
 import math
@@ -19,6 +21,7 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
+from turning_env.physics.constraint import COST_LIMIT, overload_cost
 from turning_env.scenario import Scenario
 
 Floats = NDArray[np.float64]
@@ -210,9 +213,12 @@ def feasibility(limits: tuple[float, float], allowance: float) -> Feasibility:
         allowance: allowed share [-].
     """
     lower, upper = limits
-    if upper <= allowance:
+    # Costs of one second of cutting with these shares.
+    lower_cost = overload_cost(lower, 1.0, allowance)
+    upper_cost = overload_cost(upper, 1.0, allowance)
+    if upper_cost <= COST_LIMIT:
         return "feasible"
-    return "infeasible" if lower > allowance else "not shown"
+    return "infeasible" if lower_cost > COST_LIMIT else "not shown"
 
 
 def reason_not_to_rank(kind: str, scenario: Scenario) -> str | None:

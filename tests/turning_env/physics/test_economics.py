@@ -28,7 +28,7 @@ def test_metal_time_and_edge():
     assert info["reward_metal"] == pytest.approx(60 * info["removed"] / 100)
     assert info["reward_time"] == pytest.approx(-60)
     assert info["reward_edge"] == pytest.approx(-edge_price)
-    assert info["cost"] == 0
+    assert info["excess"] == 0
     assert info["reward_overload"] == 0
     assert info["reward_breakage"] == 0
 
@@ -39,8 +39,8 @@ def test_overload_is_the_excess_over_each_limit():
     limits = {"thrust_force": free["thrust_force"] / 1.25, "power": free["power"] / 1.5}
     (info,) = infos(changed(single_sub_step, limits=limits), ACTION)
     overload_price = 5 * 30 * (0.25 + 0.5)
-    assert info["cost_force"] == pytest.approx(0.25)
-    assert info["cost_power"] == pytest.approx(0.5)
+    assert info["excess_force"] == pytest.approx(0.25)
+    assert info["excess_power"] == pytest.approx(0.5)
     assert info["reward_overload"] == pytest.approx(-overload_price)
     assert info["overload_time"] == pytest.approx(30)
     assert info["severe_overload_time"] == pytest.approx(30)

@@ -9,8 +9,6 @@ from turning_env.physics.records import parameter_records
 FURTHER_LIMITS = ("radial_force", "torque", "roughness")
 
 READ_ELSEWHERE = {
-    # Read when policies are scored.
-    "limits.overload_allowance",
     # Read when a program or a shop is advised: prices of money, the bound of an advised feed, and
     # what bends.
     "economics.machine_rate",

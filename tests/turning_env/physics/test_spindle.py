@@ -48,20 +48,20 @@ def test_below_the_base_speed_limit_and_available_torque_are_constant(speed, cap
     power = last(cut(STEADY, speed))["power"]
     # The rated power is 7.5 kW, the limit half of the power.
     available = 7.5 * capacity
-    expected_cost = 2 / capacity - 1
+    expected_excess = 2 / capacity - 1
     slow_spindle = with_spindle(base_speed=300.0, reading="torque")
     by_torque = changed(slow_spindle, limits={"power": 0.5 * power})
     record = last(cut(by_torque, speed))
     reading = read(record["observation"][np.newaxis], by_torque)
     assert record["power"] == power
     assert record["spindle_load"] == pytest.approx(power / available, rel=1e-6)
-    assert record["cost_power"] == pytest.approx(expected_cost, rel=1e-6)
+    assert record["excess_power"] == pytest.approx(expected_excess, rel=1e-6)
     assert reading.load == pytest.approx(record["measured_power"] / available, rel=1e-6)
     assert reading.power == pytest.approx(record["measured_power"], rel=1e-5)
 
     by_power = last(cut(changed(by_torque, spindle={"reading": "power"}), speed))
     assert by_power["spindle_load"] == pytest.approx(power / 7.5)
-    assert by_power["cost_power"] == record["cost_power"]
+    assert by_power["excess_power"] == record["excess_power"]
 
 
 def test_the_idle_torque_adds_to_that_of_the_cut_and_is_predicted():
@@ -120,8 +120,8 @@ def test_short_overload_is_allowed_until_the_motor_is_hot():
     assert record["overload_time"][~hot].sum() == 0.0
     # A step after which the motor is hot makes the next one cost.
     was_hot = hot[:-1]
-    costs = record["cost_power"][1:]
-    assert costs[was_hot] == pytest.approx(excess)
+    excesses = record["excess_power"][1:]
+    assert excesses[was_hot] == pytest.approx(excess)
 
 
 def test_without_short_overload_every_excess_costs_and_no_heat_is_counted():
@@ -130,5 +130,5 @@ def test_without_short_overload_every_excess_costs_and_no_heat_is_counted():
     limited = changed(STEADY, machine={"rated_power": rated}, limits={"power": rated * 1.01})
     record = cut(limited, 4 * BASE, steps=5)
     excess = 1.25 / 1.01 - 1
-    assert record["cost_power"][1:] == pytest.approx(excess)
+    assert record["excess_power"][1:] == pytest.approx(excess)
     assert not record["spindle_heat"].any()

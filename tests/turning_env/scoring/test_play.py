@@ -50,7 +50,7 @@ def test_every_sum_is_that_of_the_single_environment() -> None:
         infos = infos_of_episode(seed)
         expected = {name: sum(info[name] for info in infos) for name in SUMS}
         expected["return"] = sum(info["reward"] for info in infos)
-        expected["excess"] = sum(info["cost"] * info["time"] for info in infos)
+        expected["excess"] = sum(info["excess"] * info["time"] for info in infos)
         for name, value in expected.items():
             assert episodes[name][index] == pytest.approx(value, rel=1e-12), name
         assert episodes["steps"][index] == len(infos)
