@@ -42,7 +42,8 @@ def factors(situation: Situation, played: Play) -> dict[str, Values]:
 def parts_per_edge(situation: Situation, played: Play) -> dict[str, float]:
     """Return the parts after which each tool's edge is changed.
 
-    It is a share of one if edges do not last a part. Tools that cut no metal are left out.
+    It is a share of one if edges do not last a part. Tools that cut no metal are left out. No edge
+    cuts longer than its law of wear is used for.
     """
     on = situation.engaged
     evidence = situation.evidence or Evidence()
@@ -51,12 +52,15 @@ def parts_per_edge(situation: Situation, played: Play) -> dict[str, float]:
     # Share of the life that a slice uses of an edge that lasts shorter than 97.5 % of all edges.
     used_life = np.zeros(len(played.time))
     used_life[on] = played.used_life[on] * np.exp(margin)
+    longest = 60.0 * prediction.longest_life(evidence)  # [s]
     parts = {}
     for tool, is_tool in situation.by_tool.items():
         used_by_part = used_life[is_tool].sum()
         life = played.life_at_change[is_tool][0]
+        cutting_time = played.time[is_tool & on].sum()
         if used_by_part > 0.0:
-            parts[tool] = float(whole_parts(life / used_by_part))
+            lasting = min(life / used_by_part, longest / cutting_time)
+            parts[tool] = float(whole_parts(lasting))
     return parts
 
 

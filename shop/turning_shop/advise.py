@@ -24,7 +24,7 @@ from turning_shop.allowed import (
 )
 from turning_shop.catalogue import UNMEASURED
 from turning_shop.fit import LEVEL
-from turning_shop.prediction import Evidence, Prediction, outside, predict
+from turning_shop.prediction import Evidence, Prediction, longest_life, outside, predict
 from turning_shop.tables import records
 from turning_shop.units import METRIC, Units, short
 from turning_shop.whatif import CHANGES, NO_LIMIT, Cuts, what_if
@@ -88,6 +88,7 @@ class Plan(NamedTuple):
     parts_low: Any
     parts_high: Any
     minutes: Any  # cutting time of an edge [min]
+    by_wear: Any  # whether wear limits the edge, and not ``longest_life``
     cycle_time: Any  # from part to part, without edge changes [min]
     mean_removal_rate: Any  # metal per minute, edge changes included [cm3/min]
     cost: Any  # of a part, edges included
@@ -172,9 +173,12 @@ def plan(
     part_time = work.bar_length / feed_speed
     cycle_time = (work.bar_length + work.approach) / feed_speed + scenario.machine.return_time
 
+    longest = longest_life(evidence)
+
     def parts_if(log_shift: Any) -> Any:
         """Return the parts per edge if the logarithm of all lives shifts."""
-        return whole_parts(cuts.time * np.exp(log_shift - margin) / part_time)
+        lasting = np.minimum(cuts.time * np.exp(log_shift - margin), longest)
+        return whole_parts(lasting / part_time)
 
     def cost_of(parts: Any) -> Any:
         """Return the cost of a part, edges included."""
@@ -198,6 +202,7 @@ def plan(
         parts_low=fewest,
         parts_high=most,
         minutes=parts * part_time,
+        by_wear=cuts.time * np.exp(-margin) < longest,
         cycle_time=cycle_time,
         mean_removal_rate=part_volume(scenario) / (cycle_time + prices.change_time / parts),
         cost=cost_of(parts),
@@ -565,12 +570,22 @@ def headline(scenario: Scenario, evidence: Evidence, advice: list[Advice]) -> It
     yield f"Cut {best.where}: {cost}{best.mark}"
     if best.mark:
         yield extrapolation(evidence, best)
+    yield from not_by_wear(evidence, best)
     yield from _margins(allowed_loads(scenario), scenario)
     for bound in advice[0].bounds:
         yield bound_sentence(bound, unit)
     if not advice[0].bounds:
         yield "No limit rules out a cheaper cut: time and edges are in balance"
     yield surface(scenario, best)
+
+
+def not_by_wear(evidence: Evidence, best: Plan) -> Iterator[str]:
+    """Yield a sentence if the law of wear lets an edge last longer than it is used for."""
+    if not best.by_wear:
+        yield (
+            f"not limited by wear here: the edge is changed after {longest_life(evidence):g} min, "
+            f"the longest life that its law is used for"
+        )
 
 
 def extrapolation(evidence: Evidence, best: Plan) -> str:
@@ -681,22 +696,27 @@ def table(scenario: Scenario, advice: list[Advice], units: Units = METRIC) -> It
     yield from aligned(rows)
 
 
+def _life_cell(best: Plan) -> str:
+    """Return the tool life of a plan with its interval, for people."""
+    if not best.by_wear:
+        return "not by wear"
+    text = f"{best.cuts.tool_life:.1f}"
+    low = best.prediction.low["tool_life"]
+    high = best.prediction.high["tool_life"]
+    return f"{text} ({low:.1f}-{high:.1f})" if np.isfinite(low) else text
+
+
 def _row(advice: Advice, units: Units) -> list[str]:
     """Return the cells of an advice in the table of ``summary``."""
     best = advice.plan
     cuts = best.cuts
-    tool_life = f"{cuts.tool_life:.1f}"
-    low = best.prediction.low["tool_life"]
-    high = best.prediction.high["tool_life"]
-    if np.isfinite(low):
-        tool_life += f" ({low:.1f}-{high:.1f})"
     return [
         advice.aim,
         units.cell(float(cuts.cutting_speed), "m/min", ".4g"),
         units.cell(float(cuts.feed), "mm/rev", ".4g"),
         short(float(best.parts)),
         units.cell(float(cuts.wear), "mm", ".3g"),
-        tool_life,
+        _life_cell(best),
         units.cell(float(cuts.thrust_force), "N", ".0f"),
         units.cell(float(cuts.power), "kW", ".1f"),
         f"{best.cycle_time:.2f}",

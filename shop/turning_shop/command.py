@@ -295,7 +295,7 @@ def _whatif(options: argparse.Namespace) -> int:
     python -m turning_env whatif rough_turning --cutting-speed 120 150 180 --feed 0.2 0.4 --wear 0.2
     """
     from turning_shop.allowed import bending_force_of_bar
-    from turning_shop.prediction import predict
+    from turning_shop.prediction import longest_life, predict
 
     scenario, evidence = _load(options)
     _refuse_fresh_edge(scenario, options.wear or [])
@@ -318,6 +318,7 @@ def _whatif(options: argparse.Namespace) -> int:
             prediction,
             units=SYSTEMS[options.units],
             bending_force=bending_force_of_bar(scenario),
+            longest_life=longest_life(evidence),
         )
         print("\n".join(lines))
         _print_measured_ranges(cuts, prediction, evidence, units=SYSTEMS[options.units])

@@ -22,6 +22,12 @@ from turning_env.scenario.power_law import PowerLaw, wear_exponent
 
 BEYOND = 0.01
 """Relative distance beyond the measured range above which a law counts as extrapolated [-]."""
+LONGEST_LIFE = {"catalogue": 60.0, "measured": 480.0}
+"""Longest life of an edge that laws of an origin are used for [min].
+
+Makers state speeds for lives of 15 to 60 min (Dormer Pramet 2024, p. 76). Laws that were measured,
+or are a preset's, are used for a shift (assumption).
+"""
 PREDICTED = ("time", "wear", "thrust_force", "power", "tool_life")
 """Fields of ``Cuts`` that have intervals."""
 
@@ -107,6 +113,15 @@ class Evidence(BaseModel, frozen=True, allow_inf_nan=False):
         if self.laws[name].origin == "catalogue":
             return UNMEASURED
         return "measured"
+
+
+def longest_life(evidence: Evidence) -> float:
+    """Return the longest life of an edge that the law of wear is used for [min].
+
+    Beyond it, wear does not limit the edge, and other causes that no law knows do.
+    """
+    law = evidence.laws.get("wear")
+    return LONGEST_LIFE[law.origin if law else "measured"]
 
 
 class MeasuredRange(NamedTuple):

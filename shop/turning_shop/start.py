@@ -24,6 +24,7 @@ from turning_shop.advise import (
     bound_sentence,
     extrapolation,
     money,
+    not_by_wear,
     plan,
     surface,
     table,
@@ -55,7 +56,7 @@ from turning_shop.catalogue.start_values import (
     stated_start,
 )
 from turning_shop.fit import TYPICAL_EDGE_SPREAD
-from turning_shop.prediction import Evidence, LawEvidence
+from turning_shop.prediction import Evidence, LawEvidence, longest_life
 from turning_shop.provenance import TAYLOR, Stated, for_advice, stated_by
 from turning_shop.units import METRIC, Units
 
@@ -656,6 +657,8 @@ def sentence(job: Job, advice: list[Advice]) -> str:
     depth = f"{cuts.depth_of_cut:g} mm deep ({low_depth:.2g} to {high_depth:.2g})"
 
     parts = _between(best.parts_low, best.parts_high)
+    if not best.by_wear:
+        parts = f"{longest_life(job.evidence):g} min; not limited by wear here"
     edge = f"{_parts(best.parts)} ({parts}) {_parts_word(best.parts)} an edge"
     unit = Prices.of(job.scenario).unit
     interval = f"{money(best.cost_low)} to {money(best.cost_high)}"
@@ -685,6 +688,7 @@ def _answer(job: Job, advice: list[Advice]) -> Iterator[str]:
     yield ""
     if advice[0].plan.mark:
         yield extrapolation(job.evidence, advice[0].plan)
+    yield from not_by_wear(job.evidence, advice[0].plan)
     for bound in advice[0].bounds:
         owner = ", of the catalogue" if bound.name in job.window.catalogue_ends else ""
         yield bound_sentence(bound._replace(limit=bound.limit + owner), prices.unit)

@@ -73,18 +73,21 @@ def table(
     prediction: "Prediction | None" = None,
     units: Units = METRIC,
     bending_force: float = math.inf,
+    longest_life: float = math.inf,
 ) -> Iterator[str]:
     """Yield an aligned table with units, and with intervals if laws were fitted.
 
     A star marks cuts that extrapolate. The last column names the limits that are exceeded, and
-    "bending" if the thrust exceeds ``bending_force`` [N], at which bar and tool bend too far.
+    "bending" if the thrust exceeds ``bending_force`` [N], at which bar and tool bend too far. Lives
+    beyond ``longest_life`` [min] are not printed: wear does not limit such edges.
     """
     columns = []
     for name, shown in _TABLE.items():
         unit = units.name(shown.unit)
         column = [shown.heading, unit]
+        most = longest_life if name in ("time", "tool_life") else math.inf
         for value in getattr(cuts, name).ravel():
-            cell = units.cell(shown.factor * value, shown.unit, shown.form)
+            cell = _cell(value, shown, units, most)
             # The share of a load's limit is 0 if the limit is off.
             if name in _LIMITED and value == 0.0:
                 cell = "off"
@@ -95,8 +98,8 @@ def table(
             lows = prediction.low[name].ravel()
             highs = prediction.high[name].ravel()
             for low, high in zip(lows, highs, strict=True):
-                low_cell = units.cell(low, shown.unit, shown.form)
-                high_cell = units.cell(high, shown.unit, shown.form)
+                low_cell = _cell(low, shown, units, most)
+                high_cell = _cell(high, shown, units, most)
                 interval.append(f"{low_cell}-{high_cell}")
             columns.append(interval)
     if prediction:
@@ -105,6 +108,13 @@ def table(
     columns.append(["exceeded", "", *_exceeded(cuts, bending_force)])
     rows = list(zip(*columns, strict=True))
     yield from aligned(rows)
+
+
+def _cell(value: float, shown: _Shown, units: Units, most: float) -> str:
+    """Return a number of the table; one above ``most`` is not printed."""
+    if value > most:
+        return f">{most:g}"
+    return units.cell(shown.factor * value, shown.unit, shown.form)
 
 
 def _exceeded(cuts: Cuts, bending_force: float) -> Iterator[str]:

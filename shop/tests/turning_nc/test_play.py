@@ -446,7 +446,7 @@ IMPLAUSIBLE = {
     "numbers in inches": Implausible(
         "G99 G97 S900 M3\nG0 X2.1 Z0.1\nG1 X1.8 F0.02\nZ-2.5 F0.012",
         "bar:2x5",
-        names={"edge life", "unit"},
+        names={"unit"},
     ),
 }
 

@@ -465,6 +465,23 @@ def test_a_cut_beyond_the_catalogue_is_marked_and_explained(
     assert "* outside what was in the catalogue: cutting_speed 309 SFM, but" in printed
 
 
+def test_a_life_beyond_the_catalogues_data_is_not_limited_by_wear(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A thin bar turns so slowly that the law of wear would let an edge last for days."""
+    machine = tmp_path / "machine.toml"
+    machine.write_text("[spindle]\nmax_speed = 3500.0\n")
+    out = tmp_path / "start.toml"
+    words = "--material 42CrMo4 --tool CNMG120408-PM --grade P25 --stock 8x20 --depth 2"
+    assert main(["advise", *words.split(), "--machine", str(machine), "--out", str(out)]) == 0
+    answer, *_ = capsys.readouterr().out.splitlines()
+    # 60 min at 3500 rev/min and 0.4 mm/rev, 20 mm a part.
+    assert "4200 (60 min; not limited by wear here) parts an edge" in answer
+    words = "--cutting-speed 60 --feed 0.3 --wear 0.2"
+    assert main(["whatif", str(out), *words.split()]) == 0
+    assert ">60" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize("words", ["--stock 80,5x200 --depth 2", "--stock 80x200 --depth 2,5"])
 def test_a_decimal_comma_asks_for_a_point(words: str, capsys: pytest.CaptureFixture[str]) -> None:
     question = "--material P6 --tool CNMG120408 --grade P25"
