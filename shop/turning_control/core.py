@@ -11,12 +11,14 @@ from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
+from turning_control.readings import Readings, spindle_speed_at
 from turning_control.shield import DEFAULT_SETTINGS, LOG, REFUSALS, Settings, Shield
+from turning_control.watch import Watch
 
 from turning_env.action import commanded
 from turning_env.numerics.compilation import compiled_entry
 from turning_env.numerics.functions import log
-from turning_env.observation import observe
+from turning_env.observation import observe, read
 from turning_env.physics.lathe import charge_time_and_life
 from turning_env.physics.quantities import layout
 from turning_env.physics.records import block_records
@@ -24,39 +26,9 @@ from turning_env.physics.wear import EQUIVALENT_TIME
 from turning_env.scenario import Scenario
 from turning_env.scoring.policy import PolicyFactory
 
-# A reading that does not change while the tool cuts is stuck after this time [s], and not before
-# this number of control intervals.
-STUCK_TIME = 0.5
-STUCK_INTERVALS = 5.0
 # Delay from readings until LinuxCNC follows [s], if the scenario gives none: measured in the demo.
 COMMAND_DELAY = 0.006
-# Readings that only some scenarios need.
-FURTHER = ("spindle_heat", "roughness_reference", "removed_wear")
-
-
-@dataclass(frozen=True)
-class Readings:
-    """Readings of a machine at the end of a control interval.
-
-    NaN: the machine has no such sensor, or the sensor is lost.
-    """
-
-    spindle_speed: float  # [rev/min]
-    feed_velocity: float  # [mm/min]
-    # Whether the program moves at feed: no rapid, no pause, no feed hold, no emergency stop.
-    in_feed: bool
-    cutting: bool  # whether the tool is in metal
-    engaged_time: float  # time in metal since the last readings [s]
-    power: float = math.nan  # [kW]
-    thrust_force: float = math.nan  # [N]
-    servo_current: float = math.nan  # [A]
-    # Tool position along the bar, below 0 before it [mm]. NaN: the shield integrates the feed.
-    position: float = math.nan
-    new_edge: bool = False  # whether the edge has been changed since the last readings
-    spindle_heat: float = math.nan  # [-]
-    roughness_reference: float = math.nan  # [um]
-    # Measured flank wear of the edge that was taken out last, 0 before the first change [mm].
-    removed_wear: float = math.nan
+STANDSTILL = 0.01  # spindle speed over the lowest one below which the spindle stands [-]
 
 
 class Status(IntEnum):
@@ -65,7 +37,7 @@ class Status(IntEnum):
     IDLE = 0  # no feed motion: the policy is not asked
     POLICY = 1  # the policy's command holds
     SHIELD = 2  # the shield has changed the policy's command
-    SAFE = 3  # the safe feed holds: no valid answer, or a sensor is lost or stuck
+    SAFE = 3  # at most the safe feed: no valid answer, or readings do not bound the load
     OPERATOR = 4  # feed hold: the operator must decide
 
 
@@ -104,8 +76,8 @@ class Controller:
         self._shield = Shield(make_policy(1), self._scenario, 1, settings)
         self._states, self._parameters, self._scratches = block_records(self._scenario)
         self.observation = np.zeros((1, len(layout(scenario))), np.float32)
-        self._repeats = 0  # control intervals in a row in which a load did not change
-        self._loads_before = (math.nan, math.nan)
+        self._watch = Watch(self._scenario)
+        self._fault = ""
         self.start()
 
     def start(self) -> None:
@@ -119,15 +91,11 @@ class Controller:
             nominal_used_life=0.0,
         )
         self._shield.reset(np.ones(1, np.bool_))
+        self._watch.reset()
 
     def lacks(self, readings: Readings) -> list[str]:
-        """Return the readings that the policy's observation needs and the machine does not give."""
-        observed = layout(self._scenario)
-        needed = ["power", force_reading(self._scenario)]
-        for name in FURTHER:
-            if name in observed:
-                needed.append(name)
-        return [name for name in needed if math.isnan(getattr(readings, name))]
+        """Return the readings that a decision needs and the machine does not give."""
+        return self._watch.lost(readings)
 
     def observe(self, readings: Readings) -> NDArray[np.float32]:
         """Return the observation of readings, shape (1, entries).
@@ -144,7 +112,7 @@ class Controller:
             # A standstill has no logarithm.
             cutting_speed=max(speed, 1e-3 * machine.cutting_speed_min),
             feed=max(feed, 1e-3 * machine.feed_min),
-            cutting=int(readings.cutting),
+            cutting=int(bool(readings.cutting)),
             measured_power=readings.power,
             measured_thrust_force=readings.thrust_force,
             measured_servo_current=readings.servo_current,
@@ -163,7 +131,9 @@ class Controller:
 
     def decide(self, readings: Readings) -> Commands:
         """Return the commands for the next control interval, and log them."""
-        commands = self._commands(readings, self.observe(readings))
+        observation = self.observe(self._watch.bounded(readings))
+        fault = self._watch.fault(readings, read(observation, self._scenario))
+        commands = self._commands(readings, observation, fault)
         LOG.debug(
             "%s: %s: feed %.4f, %s",
             commands.status.name,
@@ -173,22 +143,43 @@ class Controller:
         )
         return commands
 
-    def _commands(self, readings: Readings, observation: NDArray[np.float32]) -> Commands:
+    def _commands(
+        self, readings: Readings, observation: NDArray[np.float32], fault: str
+    ) -> Commands:
+        """Return the commands after readings that have a fault, or none if the text is empty."""
+        self._report(fault if readings.in_feed is not False else "")
         if self._shield.takeover[0]:
             return feed_hold(Status.OPERATOR, "takeover")
-        lowest_speed = self._scenario.machine.cutting_speed_min
-        lowest_turns = lowest_speed * 1000.0 / np.pi / self._scenario.workpiece.diameter
-        if readings.spindle_speed < 0.01 * lowest_turns:
-            status = Status.OPERATOR if readings.in_feed else Status.IDLE
+        lowest_turns = spindle_speed_at(self._scenario, self._scenario.machine.cutting_speed_min)
+        if abs(readings.spindle_speed) < STANDSTILL * lowest_turns:
+            self._shield.miss()
+            status = Status.IDLE if readings.in_feed is False else Status.OPERATOR
             return feed_hold(status, "spindle stopped")
-        if not readings.in_feed:
-            return self._present_commands(Status.IDLE, "no feed motion")
-        fault = self._fault(readings)
+        if readings.in_feed is False:
+            # The tool may still move: what says that it does not is a reading, too.
+            return self._safe_commands(Status.IDLE, "no feed motion")
         if fault:
-            LOG.warning("%s: the safe feed holds", fault)
-            self._set(commanded_feed=self.safe_feed * self._highest_feed)
-            return Commands(self.safe_feed, 1.0, status=Status.SAFE, reason=fault)
+            return self._safe_commands(Status.SAFE, fault)
         return self._ask_policy(readings, observation)
+
+    def _report(self, fault: str) -> None:
+        """Log a fault when it begins."""
+        if fault and fault != self._fault:
+            LOG.warning("%s: the safe feed holds", fault)
+        self._fault = fault
+
+    def _safe_commands(self, status: Status, reason: str) -> Commands:
+        """Return the programmed speed and at most the safe feed: nothing bounds the load.
+
+        A lower feed stays, because the shield has had a reason for it.
+        """
+        present = float(self._states["commanded_feed"][0, 0])
+        self._set(
+            commanded_cutting_speed=self._scenario.control.initial_cutting_speed,
+            commanded_feed=min(present, self.safe_feed * self._highest_feed),
+        )
+        self._shield.miss()
+        return self._present_commands(status, reason)
 
     def _ask_policy(self, readings: Readings, observation: NDArray[np.float32]) -> Commands:
         """Return the commands of the policy behind the shield."""
@@ -223,31 +214,6 @@ class Controller:
             reason=reason,
         )
 
-    def _fault(self, readings: Readings) -> str:
-        """Return the fault of the sensors, or an empty text.
-
-        Call it once per control interval, because it counts unchanged readings.
-        """
-        missing = self.lacks(readings)
-        if missing:
-            first = missing[0]
-            return f"no {first}"
-        # Noise changes every reading of a sensor that works.
-        power = readings.power
-        force = getattr(readings, force_reading(self._scenario))
-        power_before, force_before = self._loads_before
-        is_same = power == power_before or force == force_before
-        self._loads_before = (power, force)
-        if readings.cutting and is_same:
-            self._repeats += 1
-        else:
-            self._repeats = 0
-        # At long intervals, a short time holds too few readings to tell chance from a fault.
-        max_repeats = max(STUCK_TIME / self._scenario.control.interval, STUCK_INTERVALS)
-        if self._repeats >= max_repeats:
-            return "sensor stuck"
-        return ""
-
     def _set(self, **values: float) -> None:
         """Set quantities of the only environment's state."""
         for name, value in values.items():
@@ -265,11 +231,6 @@ def highest_feed(scenario: Scenario) -> float:
 def safe_feed(scenario: Scenario, settings: Settings = DEFAULT_SETTINGS) -> float:
     """Return the safe feed over the highest [-]."""
     return min(settings.safe_share * scenario.control.initial_feed / highest_feed(scenario), 1.0)
-
-
-def force_reading(scenario: Scenario) -> str:
-    """Return the name of the reading from which the force is known."""
-    return "servo_current" if scenario.sensors.force == "servo_current" else "thrust_force"
 
 
 def on_control(scenario: Scenario) -> Scenario:

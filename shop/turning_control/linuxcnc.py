@@ -27,9 +27,7 @@ import numpy as np
 from turning_control.core import (
     Commands,
     Controller,
-    Readings,
     Status,
-    force_reading,
     highest_feed,
     on_control,
     safe_feed,
@@ -37,6 +35,14 @@ from turning_control.core import (
 from turning_control.measure import markdown
 from turning_control.plant import Plant
 from turning_control.policy_process import in_own_process, loads_code_or_a_file
+from turning_control.readings import (
+    FURTHER,
+    Readings,
+    force_reading,
+    needed_readings,
+    possible_values,
+    spindle_speed_at,
+)
 from turning_control.shield import LOG, Shield
 
 from baselines import catalogue
@@ -132,7 +138,7 @@ class Pins:
 def serve(scenario: Scenario, make_policy: PolicyFactory, bridge: Pins) -> None:
     """Answer the controller's pins until the bridge's requests end."""
     controller = Controller(scenario, make_policy)
-    _warm_up(controller)
+    _warm_up(scenario, controller)
     interval = scenario.control.interval
     # Feed velocity [mm/s] over spindle speed [rev/min] below which a motion is held.
     min_advance = 0.5 * scenario.machine.feed_min / 60.0
@@ -144,7 +150,8 @@ def serve(scenario: Scenario, make_policy: PolicyFactory, bridge: Pins) -> None:
     for pins in bridge:
         seconds = pins["time"] - before["time"] if before else 0.0
         spindle_speed = abs(pins["spindle-speed"])
-        moves = pins["feed-velocity"] > min_advance * spindle_speed
+        # A velocity that is lost (NaN) is no standstill.
+        moves = not pins["feed-velocity"] <= min_advance * spindle_speed
         in_feed = pins["motion-type"] == FEED_MOTION and not pins["in-position"] and moves
         if pins["cutting"] and in_feed:
             engaged_time += seconds
@@ -176,18 +183,22 @@ def serve(scenario: Scenario, make_policy: PolicyFactory, bridge: Pins) -> None:
         )
 
 
-def _warm_up(controller: Controller) -> None:
+def _warm_up(scenario: Scenario, controller: Controller) -> None:
     """Compile and load everything before the first reading counts."""
-    readings = Readings(
-        spindle_speed=400.0,
-        feed_velocity=100.0,
-        in_feed=True,
-        cutting=True,
-        engaged_time=0.0,
-        power=1.0,
-        thrust_force=100.0,
-        servo_current=1.0,
-    )
+    spans = possible_values(scenario)
+    loads: dict[str, Any] = {}
+    for name in needed_readings(scenario):
+        loads[name] = 0.05 * spans[name].high
+    for name in FURTHER:
+        if name in spans:
+            loads[name] = spans[name].low
+    spindle_speed = spindle_speed_at(scenario, scenario.control.initial_cutting_speed)
+    motion = {
+        "spindle_speed": spindle_speed,
+        "feed_velocity": scenario.control.initial_feed * spindle_speed,
+        "engaged_time": 0.0,
+    }
+    readings = Readings(**{**loads, **motion}, in_feed=True, cutting=True)
     for _ in range(3):
         controller.decide(readings)
     controller.start()

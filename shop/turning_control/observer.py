@@ -204,6 +204,7 @@ class Observer:
         self._known = np.zeros(num_envs, np.bool_)  # whether the bar has been measured
         self._readings = np.zeros(num_envs, np.int64)  # in this bar
         self._in_metal = np.zeros(num_envs, np.bool_)
+        self._missed = False  # whether there were steps without readings before this one
         self._place = np.zeros(num_envs)  # tool position along the bar [mm]
         self._cutting_time = np.zeros(num_envs)  # of the edge [min]
         self._wear = np.zeros(num_envs)  # nominal [mm]
@@ -290,6 +291,10 @@ class Observer:
         self._place[mask] = 0.0
         self._cutting_time[mask] = 0.0
 
+    def miss(self) -> None:
+        """Forget the bars at the next readings: steps without readings lie between."""
+        self._missed = True
+
     def _forget(self, estimate: Estimate, mask: Mask, states: slice) -> None:
         """Set states back to their prior, independent of the others."""
         estimate.mean[mask, states] = 0.0
@@ -310,7 +315,7 @@ class Observer:
         self._forget(self._estimate, fresh_edge, OF_AN_EDGE)
         time_before = np.where(fresh_edge, 0.0, self._cutting_time)
         seconds = 60.0 * (reading.cutting_time - time_before)
-        engaged = np.clip(seconds, 0.0, interval)
+        engaged = np.clip(seconds, 0.0, np.inf if self._missed else interval)
         self._cutting_time = reading.cutting_time
 
         self._velocity = self._feed_velocity(reading.cutting_speed, reading.feed)
@@ -320,7 +325,8 @@ class Observer:
         self._wearing_feed = reading.feed
 
         passed_gap = self._passed_gap(reading, place, moved, engaged=engaged)
-        new_bar = ~reading.cutting | ~self._in_metal | passed_gap
+        new_bar = ~reading.cutting | ~self._in_metal | passed_gap | self._missed
+        self._missed = False
         self._forget(self._estimate, new_bar, OF_A_BAR)
         self._known &= ~new_bar
         self._readings[new_bar] = 0

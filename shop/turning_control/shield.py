@@ -103,6 +103,13 @@ class Shield(Policy):
         self._hopeless[mask] = 0
         self._observer.reset(mask)
 
+    def miss(self) -> None:
+        """Count a step that the shield has not seen, so that its bar is unknown.
+
+        What it knew of the bar's hardness and depth may be far behind the tool.
+        """
+        self._observer.miss()
+
     def act(self, observations: Observations) -> Actions:
         reading = read(observations, self._scenario)
         actions, refusals = self._answers(observations)

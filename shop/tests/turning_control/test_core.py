@@ -10,7 +10,8 @@ import gymnasium
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike
-from turning_control.core import Commands, Controller, Readings, Status, highest_feed, on_control
+from turning_control.core import Commands, Controller, Status, highest_feed, on_control
+from turning_control.readings import Readings, spindle_speed_at
 from turning_control.shield import PATIENCE, Shield
 
 from turning_env import Scenario
@@ -38,14 +39,16 @@ class Scripted(Policy):
         return next(self._answers, np.zeros((1, 2), np.float32))
 
 
-class Highest(Policy):
-    """Asks for the highest speed and feed."""
+class HighestFeed(Policy):
+    """Asks for the highest feed at the present speed."""
 
     def __init__(self, size: int) -> None:
         self._size = size
 
     def act(self, observations: Observations) -> Actions:
-        return np.ones((len(observations), self._size), np.float32)
+        actions = np.zeros((len(observations), self._size), np.float32)
+        actions[:, -1] = 1.0
+        return actions
 
 
 def decide(readings: Sequence[Readings], answers: Iterable[ArrayLike] = ()) -> list[Commands]:
@@ -116,7 +119,8 @@ def test_a_wrong_answer_gives_the_safe_feed_at_once() -> None:
 
 def test_wrong_answers_in_a_row_hold_the_feed_in_the_end() -> None:
     wrong_answers = [np.zeros(0)] * (PATIENCE + 2)
-    commands = decide(noisy(PATIENCE + 2), answers=wrong_answers)
+    slow = [replace(reading, feed_velocity=50.0) for reading in noisy(PATIENCE + 2)]
+    commands = decide(slow, answers=wrong_answers)
     statuses = [command.status for command in commands]
     assert statuses == [Status.SAFE] * (PATIENCE - 1) + [Status.OPERATOR] * 3
     assert commands[-1].adaptive_feed == 0.0
@@ -152,10 +156,9 @@ def test_a_load_that_jumps_lowers_the_feed_at_once_and_never_raises_it(
     preset: str, jumping: tuple[str, ...]
 ) -> None:
     scenario = on_control(Scenario.load(preset))
-    controller = Controller(scenario, lambda num_envs: Highest(action_size(scenario)))
-    steady = replace(
-        STEADY, spindle_speed=500.0, feed_velocity=125.0, engaged_time=scenario.control.interval
-    )
+    controller = Controller(scenario, lambda num_envs: HighestFeed(action_size(scenario)))
+    turns = spindle_speed_at(scenario, scenario.control.initial_cutting_speed)
+    commands = Commands(controller.safe_feed, 1.0, Status.IDLE, reason="")
     random = np.random.default_rng(0)
     feeds = []
     for k in range(60):
@@ -166,8 +169,19 @@ def test_a_load_that_jumps_lowers_the_feed_at_once_and_never_raises_it(
             power = 20.0
         if k >= 50 and "thrust_force" in jumping:
             force = 5.0 * scenario.limits.thrust_force
-        reading = replace(steady, power=power * noise[0], thrust_force=force * noise[1])
-        feeds.append(controller.decide(reading).adaptive_feed)
+        # The drives follow at once.
+        spindle_speed = turns * commands.spindle_override
+        feed = commands.adaptive_feed * highest_feed(scenario)
+        reading = replace(
+            STEADY,
+            spindle_speed=spindle_speed,
+            feed_velocity=feed * spindle_speed,
+            engaged_time=scenario.control.interval,
+            power=power * noise[0],
+            thrust_force=force * noise[1],
+        )
+        commands = controller.decide(reading)
+        feeds.append(commands.adaptive_feed)
 
     assert feeds[50] < feeds[49]
     for before, after in itertools.pairwise(feeds[49:]):

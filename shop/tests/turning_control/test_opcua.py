@@ -85,6 +85,13 @@ def serving(tmp_path: Path, protect: Callable[[Any], None]) -> Iterator[Lathe]:
         yield Lathe(url, plan, nodes)
 
 
+def scenario_of_a_control() -> Scenario:
+    """Return a scenario with the control interval of these tests."""
+    scenario = Scenario.load("rough_turning")
+    control = scenario.control.model_copy(update={"interval": INTERVAL})
+    return scenario.model_copy(update={"control": control})
+
+
 def steady_policy() -> PolicyFactory:
     """Return a policy that lowers speed and feed a little."""
     return as_factory(lambda observations: np.full((len(observations), 2), -0.1, np.float32))
@@ -93,21 +100,28 @@ def steady_policy() -> PolicyFactory:
 @pytest.mark.slow
 @pytest.mark.filterwarnings("default")  # asyncua's own
 def test_the_policy_commands_a_server_and_falls_back_to_the_safe_feed(lathe: Lathe) -> None:
-    controller = Controller(Scenario.load("rough_turning"), steady_policy())
+    controller = Controller(scenario_of_a_control(), steady_policy())
     stop = threading.Event()
     thread = threading.Thread(
         target=opcua.drive,
         args=(controller, lathe.url, lathe.plan, INTERVAL, lambda: not stop.is_set()),
     )
     random = np.random.default_rng(0)
+    bad: dict[str, float] = {}
+    good = dict(STEADY)
 
     def status() -> int:
         # Sensors that work never read the same twice.
-        lathe.nodes["power"].write_value(4.0 + 0.1 * random.random())
-        lathe.nodes["thrust_force"].write_value(700.0 + random.random())
+        good["power"] = 4.0 + 0.1 * random.random()
+        good["thrust_force"] = 700.0 + random.random()
+        # The feed follows its command at once.
+        good["feed_velocity"] = 400.0 * 0.6 * lathe.value("adaptive_feed")
+        for name, value in {**good, **bad}.items():
+            lathe.nodes[name].write_value(value)
         return int(lathe.value("status"))
 
     def is_stopped() -> bool:
+        status()
         is_with_operator = lathe.value("status") == Status.OPERATOR
         return bool(is_with_operator and lathe.value("adaptive_feed") == 0.0)
 
@@ -118,11 +132,18 @@ def test_the_policy_commands_a_server_and_falls_back_to_the_safe_feed(lathe: Lat
         alive = lathe.value("alive")
         until(lambda: lathe.value("alive") != alive)
 
-        lathe.nodes["spindle_speed"].write_value(0.0)
+        bad["spindle_speed"] = 0.0
         until(is_stopped)
 
-        lathe.nodes["spindle_speed"].write_value(400.0)
-        lathe.nodes["power"].write_value(math.nan)
+        for name in ("power", "spindle_speed", "feed_velocity"):
+            bad.clear()
+            until(lambda: status() in (Status.POLICY, Status.SHIELD))
+            bad[name] = math.nan
+            until(lambda: status() == Status.SAFE)
+            assert lathe.value("adaptive_feed") <= controller.safe_feed
+        bad.clear()
+        until(lambda: status() in (Status.POLICY, Status.SHIELD))
+        # The gateway freezes.
         until(lambda: lathe.value("status") == Status.SAFE)
     finally:
         stop.set()
@@ -130,6 +151,63 @@ def test_the_policy_commands_a_server_and_falls_back_to_the_safe_feed(lathe: Lat
     assert not thread.is_alive()
     assert lathe.value("adaptive_feed") == pytest.approx(controller.safe_feed)
     assert lathe.value("status") == Status.SAFE
+
+
+STAMP = datetime.datetime(2030, 1, 1, tzinfo=datetime.UTC)
+
+
+def stamps(**seconds: float | None) -> dict[str, datetime.datetime | None]:
+    """Return timestamps by name, some seconds after ``STAMP``."""
+    stamps: dict[str, datetime.datetime | None] = {}
+    for name, second in seconds.items():
+        stamps[name] = None if second is None else STAMP + datetime.timedelta(seconds=second)
+    return stamps
+
+
+def test_ages_are_unknown_until_timestamps_advance() -> None:
+    ages = opcua.Ages()
+    month = -30.0 * 86400.0
+    assert ages.of(stamps(power=month), now=5.0) == {"power": math.inf}
+    assert ages.of(stamps(power=month), now=6.0) == {"power": math.inf}
+    assert ages.of(stamps(power=month + 1.0), now=7.0) == {"power": 0.0}
+
+
+def test_an_age_grows_while_the_timestamp_stands() -> None:
+    ages = opcua.Ages()
+    ages.of(stamps(power=0.0, position=0.0), now=0.0)
+    ages.of(stamps(power=1.0, position=1.0), now=1.0)
+    assert ages.of(stamps(power=2.0, position=1.0), now=2.0) == {"power": 0.0, "position": 1.0}
+    assert ages.of(stamps(power=2.0, position=1.0), now=2.5) == {"power": 0.5, "position": 1.5}
+
+
+def test_a_value_without_a_timestamp_has_no_age() -> None:
+    ages = opcua.Ages()
+    ages.of(stamps(power=0.0, position=None), now=0.0)
+    assert ages.of(stamps(power=1.0, position=None), now=1.0)["position"] == math.inf
+
+
+def test_a_clock_that_is_set_back_makes_no_value_fresh() -> None:
+    ages = opcua.Ages()
+    ages.of(stamps(power=0.0), now=0.0)
+    ages.of(stamps(power=1.0), now=1.0)
+    assert ages.of(stamps(power=-60.0), now=3.0)["power"] == 2.0
+    assert ages.of(stamps(power=-59.0), now=4.0)["power"] == 0.0
+
+
+def test_a_value_that_is_lost_is_no_reading() -> None:
+    values = dict.fromkeys(["spindle_speed", "in_feed", "cutting", "edge"])
+    readings = opcua.readings_of(values, seconds=0.05, edge_before=3)
+    assert math.isnan(readings.spindle_speed)
+    assert (readings.in_feed, readings.cutting, readings.new_edge) == (None, None, None)
+    assert readings.engaged_time == 0.05
+
+
+@pytest.mark.parametrize(("value", "switch"), [(1, True), (0.0, False), (2, None), ("on", None)])
+def test_switches_are_true_or_false_or_lost(value: object, switch: bool | None) -> None:
+    values = {"spindle_speed": "fast", "in_feed": value, "cutting": True}
+    readings = opcua.readings_of(values, seconds=0.05, edge_before=None)
+    assert readings.in_feed is switch
+    assert math.isnan(readings.spindle_speed)
 
 
 NEEDED_READINGS = "\n".join(["[readings]", *(f"{name} = 'i=1'" for name in opcua.NEEDED)])
@@ -142,6 +220,12 @@ NEEDED_READINGS = "\n".join(["[readings]", *(f"{name} = 'i=1'" for name in opcua
         pytest.param("[readings]\nspindle_speed = 'i=1'", "feed_velocity", id="missing reading"),
         pytest.param(f"{NEEDED_READINGS}\n[commands]\nfeed = 'i=2'", "feed", id="unknown command"),
         pytest.param(NEEDED_READINGS, "adaptive_feed", id="missing command"),
+        pytest.param(f"{NEEDED_READINGS}\n[max_age]\npower = 1", "power", id="age of no reading"),
+        pytest.param(
+            f"{NEEDED_READINGS}\n[commands]\nadaptive_feed = 'i=2'\n[max_age]\ncutting = 0",
+            "cutting",
+            id="no age",
+        ),
     ],
 )
 def test_a_file_of_nodes_that_does_not_fit_is_refused(
@@ -242,7 +326,7 @@ def drive(lathe: Lathe, security: Security) -> None:
     """Drive a server for three cycles."""
     cycles = iter([True, True, True, False])
     opcua.drive(
-        Controller(Scenario.load("rough_turning"), steady_policy()),
+        Controller(scenario_of_a_control(), steady_policy()),
         lathe.url,
         nodes=lathe.plan,
         interval=INTERVAL,
