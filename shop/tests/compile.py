@@ -4,8 +4,9 @@ One process does both, as loading Numba takes seconds.
 """
 
 import numpy as np
-from turning_control.core import Controller, Readings
+from turning_control.core import Controller
 from turning_control.plant import Plant
+from turning_control.readings import Readings
 
 from baselines.trivial import ConstantActions
 from tests.compile import compile_benchmark
