@@ -63,7 +63,7 @@ setup: .venv/run
 
 # Train an agent, play it, and rank it with every policy that ships: their results need not be played again.
 leaderboard: .venv/run
-	run=$$($(TRAIN) --seed 0) && $(RUN) --replace --agents $$(dirname $$run)
+	run=$$($(TRAIN) --seed 0) && .venv/bin/python -m train.export $$run --out $(RUNS)/first/agents && $(RUN) --replace --agents $(RUNS)/first/agents/*.onnx
 
 # Train the agents that ship anew by the commands on their cards, two at a time, and export them and their learning curves (a very short training
 # has none).

@@ -29,9 +29,9 @@ from turning_env.numerics.functions import log
 from turning_env.numerics.wear_term import log_wear_term, term_over_criterion
 from turning_env.observation import read
 from turning_env.physics.quantities import layout
+from turning_env.policy import Actions, Observations, Policy
 from turning_env.scenario.scenario import flat
 from turning_env.scenario.scenario_batch import ScenarioBatch
-from turning_env.scoring.policy import Actions, Observations, Policy
 
 LIMIT = 10.0  # highest absolute value of an entry
 MIN_DEVIATION = 1e-9

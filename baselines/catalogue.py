@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 
 from baselines import tuned
+from baselines.policy_spec import PolicySpec, ScenarioId
 from baselines.rule import Mask, Parameters, Range, Rule
 from turning_env import Family, Scenario, read
+from turning_env.policy import Actions, Observations, Policy
 from turning_env.scenario.section import names_instead
-from turning_env.scoring.policy import Actions, Observations, Policy, PolicySpec, ScenarioId
 
 _FILES = (  # files that declare rules; a new one is added here
     "trivial",

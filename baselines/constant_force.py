@@ -33,8 +33,8 @@ from baselines.rule import Array, Mask, Range, Rule
 from turning_env import Reading, Scenario, read
 from turning_env.action import towards
 from turning_env.numerics.functions import exp, log, sine_and_cosine
+from turning_env.policy import Actions, Observations, Policy
 from turning_env.scenario.sections import Surface
-from turning_env.scoring.policy import Actions, Observations, Policy
 
 THRESHOLD = 100.0
 """Force below which the tool counts as out of the metal [N] (roughness control paper)."""

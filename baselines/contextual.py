@@ -2,7 +2,7 @@
 
     log(highest speed / start speed) = speed + sum of speed_NAME * (number NAME - 0.5)
 
-Edges are changed at the used life ``change_at``. ``python -m baselines.tune_contextual`` finds the
+Edges are changed at the used life ``change_at``. ``python -m train.tune_contextual`` finds the
 law on the training jobs of a family; its parameters ship in ``baselines/tuned/families``. The rule
 uses from the nominal model what ``optimiser`` uses.
 """

@@ -30,7 +30,7 @@ from turning_env import Reading, Scenario, read
 from turning_env.numerics.functions import real_power, sine_and_cosine
 from turning_env.physics.drives import force_from_current, lag_share
 from turning_env.physics.records import parameter_records
-from turning_env.scoring.policy import Actions, Observations, Policy
+from turning_env.policy import Actions, Observations, Policy
 
 FEED_GRADES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2, 1.3, 1.5, 1.5)
 """Feed override at each position of a panel's switch [-].

@@ -11,8 +11,8 @@ from baselines.models.part_program import PROGRAM
 from baselines.rule import Array, Range, Rule
 from turning_env import Scenario, read
 from turning_env.action import sets_speed_and_feed, towards
+from turning_env.policy import Actions, Observations, Policy
 from turning_env.scenario import ScenarioBatch
-from turning_env.scoring.policy import Actions, Observations, Policy
 
 HANDBOOK_CUTTING_SPEED = 145.0
 """Middle speed of the grid-search paper's verification tests (T5 to T8) [m/min]."""

@@ -24,7 +24,7 @@ from turning_env.physics.machinability import loads_with_fresh_share, log_wear_c
 from turning_env.physics.records import parameter_records
 from turning_env.physics.spindle import capacity, idle_power
 from turning_env.physics.wear import advance_used_life, log_wear
-from turning_env.scoring.policy import Actions, Observations, Policy
+from turning_env.policy import Actions, Observations, Policy
 
 CUTTING_SPEED_STEP = 10.0  # the paper's grid [m/min]
 FEED_STEP = 0.005  # the paper's grid [mm/rev]

@@ -18,7 +18,7 @@ from baselines.rule import Array, Mask
 from baselines.self_tuning import RULES, SelfTuning
 from turning_env import Reading, Scenario, read
 from turning_env.numerics.functions import exp, log
-from turning_env.scoring.policy import Actions, Observations, Policy
+from turning_env.policy import Actions, Observations, Policy
 
 HOLD = 30  # steps for which a decision holds
 START_SHARE = 0.625

@@ -32,8 +32,8 @@ from baselines.rule import Array, Mask, Range, Rule
 from turning_env import Reading, Scenario, read
 from turning_env.numerics.functions import exp, log, real_power
 from turning_env.physics.drives import lag_share
+from turning_env.policy import Actions, Observations, Policy
 from turning_env.scenario.power_law import PowerLaw
-from turning_env.scoring.policy import Actions, Observations, Policy
 
 MIN_CHIP = 0.1
 """Lower bound of f^m behind the lags over the programmed feed's at which readings are used [-].

@@ -29,8 +29,8 @@ from baselines.rule import Array, Mask, Range, Rule, Scenarios
 from turning_env import Reading, Scenario, read
 from turning_env.action import sets_speed_and_feed, towards
 from turning_env.numerics.functions import exp, hypotenuse, log, real_power
+from turning_env.policy import Actions, Observations, Policy
 from turning_env.scenario.scenario_batch import ScenarioBatch
-from turning_env.scoring.policy import Actions, Observations, Policy
 
 USED_LIVES = np.linspace(0.0, 1.0, 41)[1:]
 """Shares of the life [-] at which ``worth`` tabulates its price."""

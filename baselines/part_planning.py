@@ -19,7 +19,7 @@ from baselines.two_limits import ECONOMIC_OPTIMUM, MIN_DEPTH, TWO_LIMITS, set_po
 from turning_env import Scenario, read
 from turning_env.action import set_point_action
 from turning_env.numerics.functions import exp, log, real_power
-from turning_env.scoring.policy import Actions, Observations, Policy
+from turning_env.policy import Actions, Observations, Policy
 
 MIN_WEAR = 0.1
 """Wear of a fresh edge over the criterion [-]: without wear, nothing would limit the force."""

@@ -28,7 +28,7 @@ from baselines.self_tuning import RULES as SELF_TUNING_RULES
 from baselines.self_tuning import SelfTuning
 from turning_env import Reading, Scenario
 from turning_env.numerics.functions import exp, log, real_power
-from turning_env.scoring.policy import Actions, Observations
+from turning_env.policy import Actions, Observations
 
 MIN_LOG_SPEED = -1.0  # lowest log of the highest speed over the start speed [-]
 MAX_LOG_SPEED = 0.47  # likewise the highest: the machine's

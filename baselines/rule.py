@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turning_env import Scenario
-from turning_env.scoring.policy import Policy
+from turning_env.policy import Policy
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]  # of environments, shape (num_envs,), unless it says otherwise

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from baselines.fixed import FixedParameters
 from baselines.rule import Array, Mask, Rule, Scenarios
 from turning_env.physics.quantities import action_size
+from turning_env.policy import Actions, Observations, Policy
 from turning_env.scenario import Scenario
 from turning_env.scenario.scenario_batch import ScenarioBatch
-from turning_env.scoring.policy import Actions, Observations, Policy
 
 Words = NDArray[np.uint64]
 

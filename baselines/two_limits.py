@@ -35,7 +35,7 @@ from baselines.rule import Array, Mask, Range, Rule
 from turning_env import PowerLaw, Scenario, read
 from turning_env.action import sets_speed_and_feed, towards
 from turning_env.numerics.functions import exp, log
-from turning_env.scoring.policy import Actions, Observations, Policy
+from turning_env.policy import Actions, Observations, Policy
 
 TWO_LIMITS = ("PV", "SV", "PT", "ST", "SN", "PN", "MV", "MN", "MT")  # the paper's rules
 ECONOMIC_OPTIMUM = "economic_optimum"

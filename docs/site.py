@@ -157,7 +157,7 @@ def _scenario() -> Iterator[str]:
     yield "A scenario defines an episode except for its [seed](glossary.md#seed). A TOML file"
     yield 'states its differences from the defaults or, with `base = "PRESET"`, from a preset.'
     yield "Unknown keys are refused. A star marks an assumption."
-    yield "`python -m turning_env schema` prints the tables below as JSON.\n"
+    yield "`python -m turning_env show --schema` prints the tables below as JSON.\n"
     schema = turning_env.Scenario.model_json_schema()
     sections = griffe.load("turning_env.scenario.sections")
     for key, value in schema["properties"].items():

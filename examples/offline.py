@@ -33,15 +33,15 @@ from tqdm import tqdm
 
 from examples import data_card
 from examples.shared import ENV_ID, at_least, run
+from leaderboard.adapt import as_factory
+from leaderboard.seeds import TUNING_START
 from turning_env import ALL_IDS, FAMILY_ID, IDS, Family, Scenario
 from turning_env.console import described, exits
 from turning_env.family_env import vector_env
 from turning_env.physics.quantities import OBS, OBSERVATION, Entry, layout
+from turning_env.policy import Observations, PolicyFactory
 from turning_env.scenario.arguments import environment_id
 from turning_env.scenario.family import CONTEXT_LIMIT
-from turning_env.scoring.adapt import as_factory
-from turning_env.scoring.policy import Observations, PolicyFactory
-from turning_env.scoring.seeds import TUNING_START
 
 AGENTS = Path(__file__).parents[1] / "agents"
 AGENT = AGENTS / ENV_ID / "rough_turning" / "analytic_gradient-seed0.onnx"
@@ -95,7 +95,7 @@ def policy(name: str, env_id: str = ENV_ID, seeds: Sequence[int] = ()) -> Policy
     if name == "load_rule":
         return as_factory(load_rule)
     if name == "analytic_gradient":
-        from train.agents import onnx_policy
+        from leaderboard.agents import onnx_policy
 
         return onnx_policy.load(AGENT).make
     from baselines import catalogue

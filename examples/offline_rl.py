@@ -29,10 +29,10 @@ from tqdm import tqdm
 
 from examples.offline import load, make
 from examples.shared import at_least, run
-from turning_env import score
+from leaderboard import score
+from leaderboard.statistics import Bootstrap, Estimate, severe_share
 from turning_env.console import described, exits
 from turning_env.files import replace_file
-from turning_env.scoring.statistics import Bootstrap, Estimate, severe_share
 
 ALGORITHMS = ("bc", "iql", "cql", "td3_bc")
 STEPS = 3000  # gradient steps

@@ -7,14 +7,14 @@ from typing import Any
 
 import torch
 
+from leaderboard.adapt import as_factory
+from leaderboard.play import play, play_family
+from leaderboard.seeds import tuning_seeds
+from leaderboard.statistics import Estimate
 from turning_env import ALL_IDS, FAMILY_ID, IDS, Family, Scenario
 from turning_env.console import described, exits, whole_number
+from turning_env.policy import Observations
 from turning_env.scenario.arguments import environment_id
-from turning_env.scoring.adapt import as_factory
-from turning_env.scoring.play import play, play_family
-from turning_env.scoring.policy import Observations
-from turning_env.scoring.seeds import tuning_seeds
-from turning_env.scoring.statistics import Estimate
 
 ENV_ID = "RoughTurning-v0"
 NUM_SEEDS = 32
@@ -34,7 +34,7 @@ def of_tensors(function: Callable[[torch.Tensor], torch.Tensor]) -> Callable[[Ob
 def score(policy: Any, num_seeds: int = NUM_SEEDS, env_id: str = ENV_ID) -> str:
     """Return a line with the mean return per episode [s of machine time] and its standard error.
 
-    The policy, any that ``turning_env.score`` accepts, plays the first tuning seeds, or the first
+    The policy, any that ``leaderboard.score`` accepts, plays the first tuning seeds, or the first
     validation jobs of the family.
     """
     if env_id == FAMILY_ID:

@@ -1,7 +1,7 @@
 """Scores over the tasks: the best policy of each kind, means over tasks, and comparisons.
 
 A score is 0 for the best fixed speed and feed, and 100 for the oracle of the state
-(``turning_env.scoring.statistics.score_of``). The numbers are those of Agarwal et al. (2021, "Deep
+(``leaderboard.statistics.score_of``). The numbers are those of Agarwal et al. (2021, "Deep
 reinforcement learning at the edge of the statistical precipice", arXiv 2108.13264): interquartile
 means over tasks, performance profiles and probabilities of improvement. Their intervals come from
 a stratified bootstrap, which resamples the seeds of every task, and each policy's training seeds,
@@ -15,16 +15,13 @@ from pathlib import Path
 import numpy as np
 
 from baselines.catalogue import RULES
+from baselines.comparators import CAUSAL, comparators
 from leaderboard.notices import notify_once
 from leaderboard.ranking import Leaderboard, read_leaderboard
 from leaderboard.result import ResultError, result_files, result_folder
+from leaderboard.scoring import SPLIT
 from leaderboard.standings import Standing
-from leaderboard.table import MARKS
-from turning_env import FAMILY_ID, IDS
-from turning_env.scenario.family import DRAFTS, families
-from turning_env.scoring.comparators import CAUSAL, comparators
-from turning_env.scoring.score import SPLIT
-from turning_env.scoring.statistics import (
+from leaderboard.statistics import (
     Bootstrap,
     Estimate,
     Floats,
@@ -33,6 +30,9 @@ from turning_env.scoring.statistics import (
     reason_not_to_rank,
     score_of,
 )
+from leaderboard.table import MARKS
+from turning_env import FAMILY_ID, IDS
+from turning_env.scenario.family import DRAFTS, families
 
 SIMPLE_SEARCHES = ("linear_cma_es",)
 """Agents without a network, found by a search over a handful of numbers."""

@@ -10,18 +10,17 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from baselines.guided import HOLD
+from baselines.policy_spec import PolicySpec
 from leaderboard import columns, table
+from leaderboard.agents import agent_file
+from leaderboard.agents.agent_file import ONNX_SUFFIX, AgentFile, Space, family_of
 from leaderboard.information import CLASSES, RUN_TIME_INPUTS
 from leaderboard.policies import SUMS
 from leaderboard.ranking import Leaderboard, read_leaderboard
 from leaderboard.result import ResultError, result_files, result_folder, write_whole
 from leaderboard.shown import MAX_VALUES, fenced, few, markdown_text
-from train.agents import agent_file
-from train.agents.agent_file import ONNX_SUFFIX, AgentFile, Space
-from train.run import family_of
-from train.training_information import TRAINING_INPUTS
+from leaderboard.training_information import TRAINING_INPUTS
 from turning_env import FAMILY_ID, SPLITS
-from turning_env.scoring.policy import PolicySpec
 
 COLUMNS = (
     *columns.RETURNS,

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 from leaderboard.information import RUN_TIME_INPUTS
 from leaderboard.standings import LARGEST, Standing, ranked_by
-from train.training_information import TRAINING_INPUTS
+from leaderboard.statistics import Estimate
+from leaderboard.training_information import TRAINING_INPUTS
 from turning_env import Scenario
-from turning_env.scoring.statistics import Estimate
 
 
 @dataclass(frozen=True)

@@ -15,35 +15,29 @@ from numpy.typing import NDArray
 
 from baselines import tuned
 from baselines.catalogue import RULES, spec
+from baselines.comparators import (
+    CAUSAL,
+    NOMINAL_CHANGE_WEAR,
+    NOMINAL_OPTIMUM,
+    NOMINAL_SHARE,
+)
 from baselines.models.schedule import FORMS
 from baselines.oracles import known_forms, perfect_state
+from baselines.policy_spec import PolicySpec, ScenarioId
 from baselines.rule import Parameters
+from leaderboard.agents.agent_file import informed
+from leaderboard.play import EPISODE_FIELDS, Episodes, play, play_family
 from leaderboard.result import FamilySplit, ResultError, Task
-from train.agents.agent_file import informed
 from turning_env import FAMILY_ID, Scenario
 from turning_env.action import towards
 from turning_env.env import RoughTurningEnv
 from turning_env.family_env import Context, FamilyEnv
 from turning_env.observation import read
 from turning_env.physics.quantities import OBS
+from turning_env.policy import Actions, Observations, Policy, PolicyFactory
 from turning_env.scenario.family import DrawnJobs, Family, Job, families
 from turning_env.scenario.plan import features, plan_of
 from turning_env.scenario.scenario_batch import ScenarioBatch
-from turning_env.scoring.comparators import (
-    CAUSAL,
-    NOMINAL_CHANGE_WEAR,
-    NOMINAL_OPTIMUM,
-    NOMINAL_SHARE,
-)
-from turning_env.scoring.play import EPISODE_FIELDS, Episodes, play, play_family
-from turning_env.scoring.policy import (
-    Actions,
-    Observations,
-    Policy,
-    PolicyFactory,
-    PolicySpec,
-    ScenarioId,
-)
 
 VARIED = ("rescaled_grid_search", "predictive", "self_tuning")
 """The policies that play if none are named, if they know more than usual or forget."""
@@ -319,7 +313,7 @@ class FamilyPlay:
     def __call__(
         self, scenario: Scenario, seeds: Sequence[int], on_step: Callable[[int], None]
     ) -> Episodes:
-        """Play one episode per seed, and return what ``turning_env.scoring.play.play`` does."""
+        """Play one episode per seed, and return what ``leaderboard.play.play`` does."""
         rule = RULES.get(self.policy) if isinstance(self.policy, str) else None
         if rule is not None and not rule.together:
             return self._play_alone(seeds, on_step)

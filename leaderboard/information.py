@@ -1,6 +1,6 @@
 """The inputs of an agent in training and at run time, and the class in which it is ranked.
 
-``train.training_information`` says what the training was given. Scenario and hyperparameters
+``leaderboard.training_information`` says what the training was given. Scenario and hyperparameters
 decide the rest. A policy that is given more in training than observations, rewards and costs is
 privileged: it is trained with what no lathe reveals (asymmetric or privileged training, such as
 Pinto et al. 2018, arXiv 1710.06542). It is ranked in a class of its own.
@@ -10,17 +10,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from baselines.guided import HOLD
-from train.agents.agent_file import MAX_NUMBER
-from train.run import current_names
-from train.training_information import (
+from baselines.policy_spec import PolicySpec
+from leaderboard.agents.agent_file import MAX_NUMBER
+from leaderboard.training_information import (
     IMITATION,
     LIFE_PRICE,
     MODEL_FREE,
     TRAINING_INPUTS,
     training_information,
 )
+from train.run import current_names
 from turning_env import Scenario
-from turning_env.scoring.policy import PolicySpec
 
 RUN_TIME_INPUTS = {
     "context": "is told numbers of the job: those of the nominal model, and those of the "

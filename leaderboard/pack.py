@@ -1,6 +1,6 @@
 """Move the results of a leaderboard into one file, and copy the returns into the wheel.
 
-``turning_env.score`` compares a user's policy with the returns in the wheel.
+``leaderboard.score`` compares a user's policy with the returns in the wheel.
 """
 
 import json
@@ -28,9 +28,9 @@ from leaderboard.result import (
     write_part,
     write_whole,
 )
+from leaderboard.scoring import FOLDER, SPLIT
 from turning_env import FAMILY_ID, IDS
 from turning_env.scenario.family import DRAFTS, families
-from turning_env.scoring.score import FOLDER, SPLIT
 
 DIGITS = 2  # decimals of the times [s] in the wheel
 

@@ -17,24 +17,25 @@ from typing import Any
 import numpy as np
 
 from baselines import catalogue, tuned
+from baselines.comparators import CAUSAL, NOMINAL_OPTIMUM, NOMINAL_SHARE
 from baselines.oracles import clairvoyant, perfect_blanks, perfect_load, perfect_state
+from baselines.policy_spec import PolicySpec, ScenarioId
 from leaderboard import family
+from leaderboard.adapt import as_factory
+from leaderboard.agents import network, onnx_policy
+from leaderboard.agents.agent_file import ONNX_SUFFIX, check_fits, informed
+from leaderboard.agents.onnx_policy import LIMITS
 from leaderboard.family import Knowledge
 from leaderboard.notices import notify_once
+from leaderboard.play import EPISODE_FIELDS, Episodes, play
 from leaderboard.result import ResultError, Task
 from leaderboard.submissions import FileName, Submission, clashing_names, renamed, with_folder
-from train.agents import network, onnx_policy
-from train.agents.agent_file import ONNX_SUFFIX, check_fits, informed
-from train.agents.onnx_policy import LIMITS
 from turning_env import Scenario
 from turning_env.batch.driver import observation_space
 from turning_env.console import printable
 from turning_env.files import read_regular
+from turning_env.policy import Policy
 from turning_env.scenario.section import names_instead
-from turning_env.scoring.adapt import as_factory
-from turning_env.scoring.comparators import CAUSAL, NOMINAL_OPTIMUM, NOMINAL_SHARE
-from turning_env.scoring.play import EPISODE_FIELDS, Episodes
-from turning_env.scoring.policy import Policy, PolicySpec, ScenarioId
 
 CLAIRVOYANT = "clairvoyant"  # name of the bound
 AGENTS = Path(__file__).parents[1] / "agents"
@@ -47,7 +48,6 @@ Only one seed of each agent need be there.
 MAX_SUMS = 10_000_000  # bytes of that file
 _LISTED = re.compile(r"(?P<digest>[0-9a-f]{64}) +\*?(?P<place>[\w.-]+/[\w.-]+/[\w.-]+\.onnx)")
 """A line of that file, as ``sha256sum`` writes it."""
-RUN_FILE = "run.json"  # in the folder of a training of one's own
 
 
 def agent_files(folder: Path, complain: Callable[[str], None] = notify_once) -> dict[str, Path]:
@@ -162,9 +162,22 @@ def _causal(scenario: Scenario) -> PolicySpec | None:
             kind="oracle",
             description="the cheapest plan of every part, told the true depth and hardness all "
             "along the blank, and the edge's wear and strength",
-            compute=perfect_blanks.play_blanks,
+            compute=_play_blanks,
         )
     return None
+
+
+def _play_blanks(
+    scenario: Scenario, seeds: Sequence[int], on_step: Callable[[int], None]
+) -> Episodes:
+    """Play one episode per seed with the oracle of whole parts, which is built from its seeds."""
+    return play(
+        lambda num_envs: perfect_blanks.PerfectBlanks(scenario, seeds),
+        scenario,
+        seeds,
+        on_step,
+        tell=True,
+    )
 
 
 def _bound(scenario: Scenario, seeds: Sequence[int], on_step: Callable[[int], None]) -> Episodes:
@@ -279,19 +292,19 @@ def agents(
     refused: Refusals | None = None,
     forgets: bool = False,
 ) -> list[PolicySpec]:
-    """Return the trained agents of ONNX files, and of one's own training runs' folders.
+    """Return the trained agents of ONNX files.
 
     Files may come from anywhere. Those that do not come with the project are named after their
     files: see ``leaderboard.submissions``.
 
     Args:
-        paths: files and folders.
+        paths: files, and folders with one file each.
         task: the task that they play.
         name: the name of those that do not come with the project; None: that of their files.
         keep: whether they may have the name of an agent that comes with the project; else
             ``my_`` is put before it.
         seconds: processor time that the agent of a file may use for all episodes [s]; None:
-            ``train.agents.onnx_policy.LIMITS``.
+            ``leaderboard.agents.onnx_policy.LIMITS``.
         refused: agents that are left out; those that cannot play, for whatever reason, are added.
             None: raise the first reason.
         forgets: whether policies of a family forget everything at each change of the edge.
@@ -335,18 +348,13 @@ def _under_ranked_name(spec: PolicySpec, path: Path, given: str | None, keep: bo
     """
     if not is_external(spec):
         return spec
-    if (path / RUN_FILE).exists():  # a training of one's own, which has named itself
-        name = spec.name
-        seed = spec.training_seed or 0
-    else:
-        file = FileName.of(path, given)
-        name = file.name
-        seed = file.seed
+    file = FileName.of(path, given)
+    name = file.name
     if not keep:
         name = _free_name(path, name, given)
     elif given:
         name = given
-    return renamed(spec, name, seed)
+    return renamed(spec, name, file.seed)
 
 
 def _distinct(
@@ -417,22 +425,11 @@ def is_of_another(present: PolicySpec, new: PolicySpec) -> bool:
 
 
 def agent(path: Path, seconds: int | None = None) -> PolicySpec:
-    """Return the agent of an ONNX file or of a run's folder.
+    """Return the agent of an ONNX file, or of a folder with one.
 
     Raise ValueError if there is none (``AgentTimeoutError`` if it gives no actions in time).
     """
-    if _is_submission(path):
-        return onnx_policy.load(path, replace(LIMITS, computing=seconds or LIMITS.computing))
-    from train.training import load_agent  # imports torch, which takes seconds
-
-    return load_agent(path)
-
-
-def _is_submission(path: Path) -> bool:
-    """Return whether a path is an ONNX file or a folder with one, and no training of one's own."""
-    if path.suffix == ONNX_SUFFIX:
-        return True
-    return any(path.glob(f"*{ONNX_SUFFIX}")) and not (path / RUN_FILE).exists()
+    return onnx_policy.load(path, replace(LIMITS, computing=seconds or LIMITS.computing))
 
 
 def fitted(spec: PolicySpec, task: Task, forgets: bool = False) -> PolicySpec:
@@ -449,7 +446,7 @@ def fitted(spec: PolicySpec, task: Task, forgets: bool = False) -> PolicySpec:
 def policy_of_code(source: str, task: Task, name: str | None = None) -> PolicySpec:
     """Return the policy of a user's code, ``module:object``.
 
-    See ``turning_env.scoring.adapt.as_factory``. It ranks among the agents, without a digest, as
+    See ``leaderboard.adapt.as_factory``. It ranks among the agents, without a digest, as
     versions of the code cannot be distinguished. Without a ``name``, it has the object's. Raise
     ResultError if there is no such policy, or another policy has its name.
     """

@@ -40,13 +40,13 @@ from pydantic import (
 )
 from pydantic_core import from_json
 
+from baselines.policy_spec import Digest, PolicySpec, ScenarioId
 from leaderboard.notices import notify_once
+from leaderboard.play import EPISODE_FIELDS, EXCESS_TIMES, Episodes
 from turning_env import MODEL_VERSION
 from turning_env.files import digest_of, read_regular, replace_file
 from turning_env.scenario import PortableScenario
 from turning_env.scenario.family import Family
-from turning_env.scoring.play import EPISODE_FIELDS, EXCESS_TIMES, Episodes
-from turning_env.scoring.policy import Digest, PolicySpec, ScenarioId
 
 SCHEMA: Literal["rough-turning/results/5"] = "rough-turning/results/5"
 PACK_FILE = "results.json.xz"

@@ -1,7 +1,7 @@
 """Play policies on tasks and write their results, each as it finishes.
 
 Which policies play is the matter of ``leaderboard.policies``. How pieces of work are spread over
-processes or a cluster belongs to ``turning_env.scoring.workers``.
+processes or a cluster belongs to ``leaderboard.workers``.
 """
 
 import dataclasses
@@ -12,7 +12,11 @@ from hashlib import sha256
 from pathlib import Path
 from typing import NamedTuple
 
+from baselines.comparators import CAUSAL, comparators
+from baselines.policy_spec import PolicySpec
+from leaderboard.adapt import place_in_module
 from leaderboard.notices import notify_once
+from leaderboard.play import Episodes, play
 from leaderboard.policies import is_code, is_of_another, reason_of
 from leaderboard.ranking import Leaderboard, read_if_usable, read_leaderboard
 from leaderboard.result import (
@@ -26,17 +30,13 @@ from leaderboard.result import (
     write_result,
     write_whole,
 )
+from leaderboard.seeds import held_out_seeds
 from leaderboard.trajectories import MAX_RECORDED, RECORDED_SEEDS, Trajectories, Trajectory, record
+from leaderboard.workers import Workers, spread
 from turning_env import Scenario
 from turning_env.console import printable
 from turning_env.files import folder_lock
 from turning_env.progress import progress
-from turning_env.scoring.adapt import place_in_module
-from turning_env.scoring.comparators import CAUSAL, comparators
-from turning_env.scoring.play import Episodes, play
-from turning_env.scoring.policy import PolicySpec
-from turning_env.scoring.seeds import held_out_seeds
-from turning_env.scoring.workers import Workers, spread
 
 MIN_KEY = 16  # characters of a private key: who sees results must not find it by trying
 MIN_DISTANCE = 1_000_000  # of private seeds from public ones: no key gives public seeds

@@ -1,6 +1,6 @@
 """The numbers of each policy on one task, ranked.
 
-Estimates, intervals and feasibility come from ``turning_env.scoring.statistics``. Which results are
+Estimates, intervals and feasibility come from ``leaderboard.statistics``. Which results are
 ranked together is the matter of ``leaderboard.ranking``.
 """
 
@@ -13,17 +13,13 @@ from typing import NamedTuple
 import numpy as np
 
 from baselines.catalogue import RULES
+from baselines.comparators import CAUSAL, comparators
+from baselines.policy_spec import PolicySpec
+from leaderboard.agents.agent_file import description_of_training
 from leaderboard.information import Information, class_of, information
 from leaderboard.policies import is_external
 from leaderboard.result import ExcessShares, Result
-from train.agents.agent_file import description_of_training
-from train.run import TERMS, current_names
-from train.training_information import training_information
-from turning_env import SPLITS, Scenario
-from turning_env.files import digest_of
-from turning_env.scoring.comparators import CAUSAL, comparators
-from turning_env.scoring.policy import PolicySpec
-from turning_env.scoring.statistics import (
+from leaderboard.statistics import (
     Bootstrap,
     Estimate,
     Feasibility,
@@ -37,6 +33,10 @@ from turning_env.scoring.statistics import (
     reason_not_to_rank,
     score_of,
 )
+from leaderboard.training_information import TERMS, training_information
+from train.run import current_names
+from turning_env import SPLITS, Scenario
+from turning_env.files import digest_of
 
 LARGEST = 3
 """Number of the largest differences that a mean leaves out, to show whether a few seeds decide."""

@@ -10,9 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from train.agents.agent_file import NAME, ONNX_SUFFIX
+from baselines.policy_spec import PolicySpec
+from leaderboard.agents.agent_file import NAME, ONNX_SUFFIX
 from turning_env.console import printable
-from turning_env.scoring.policy import PolicySpec
 
 _WITH_SEED = re.compile(r"(?P<name>.+)-seed(?P<seed>\d{1,9})")
 

@@ -4,6 +4,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
+from baselines.policy_spec import ScenarioId
 from leaderboard.columns import (
     FULL_COST,
     GROUPS,
@@ -17,10 +18,9 @@ from leaderboard.columns import (
 from leaderboard.ranking import Leaderboard
 from leaderboard.result import ResultError
 from leaderboard.standings import Standing, ranked_by
+from leaderboard.statistics import Feasibility
 from turning_env import SPLITS
 from turning_env.scenario.section import names_instead
-from turning_env.scoring.policy import ScenarioId
-from turning_env.scoring.statistics import Feasibility
 
 COLUMNS = {column.field: column for group in GROUPS.values() for column in group}
 """All columns by field."""
@@ -239,7 +239,7 @@ VERDICTS: dict[Feasibility, str] = {"feasible": "yes", "not shown": "not shown",
 """Feasibility in a table.
 
 It follows from the confidence limits of the share of severe overload: see
-``turning_env.scoring.statistics``.
+``leaderboard.statistics``.
 """
 _FEASIBILITY: dict[Feasibility, str] = {
     "feasible": "feasible",

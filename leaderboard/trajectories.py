@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from baselines.comparators import CAUSAL
+from baselines.policy_spec import PolicySpec
 from leaderboard.family import environment_of, episode_of
 from leaderboard.result import Part
 from turning_env import Scenario
-from turning_env.scoring.comparators import CAUSAL
-from turning_env.scoring.policy import PolicySpec
 
 SCHEMA: Literal["rough-turning/trajectories/4"] = "rough-turning/trajectories/4"
 SERIES = (

@@ -1,4 +1,4 @@
-"""Results on validation seeds, with which ``turning_env.score`` compares policies in development.
+"""Results on validation seeds, with which ``leaderboard.score`` compares policies in development.
 
 They are the ends of the score and the best rule. Nothing is ranked on these seeds.
 """
@@ -6,18 +6,18 @@ They are the ends of the score and the best rule. Nothing is ranked on these see
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
+from baselines.comparators import CAUSAL, comparators
+from baselines.policy_spec import PolicySpec
 from leaderboard.family import family_task
 from leaderboard.pack import Board, boards, returns_text, write_shipped
 from leaderboard.policies import named
 from leaderboard.ranking import read_leaderboard
 from leaderboard.result import Result, ResultError, Task
 from leaderboard.run import Piece, attempt
+from leaderboard.scoring import VALIDATION_FOLDER, VALIDATION_SEEDS
+from leaderboard.seeds import tuning_seeds
 from leaderboard.standings import best_rule
 from turning_env import IDS, MODEL_VERSION, Scenario
-from turning_env.scoring.comparators import CAUSAL, comparators
-from turning_env.scoring.policy import PolicySpec
-from turning_env.scoring.score import VALIDATION_FOLDER, VALIDATION_SEEDS
-from turning_env.scoring.seeds import tuning_seeds
 
 
 def write(results: Path) -> Iterator[Path]:

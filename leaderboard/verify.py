@@ -18,7 +18,9 @@ import numpy as np
 from tqdm import tqdm
 
 from baselines.oracles import clairvoyant
+from baselines.policy_spec import PolicySpec, ScenarioId
 from leaderboard.family import family_of
+from leaderboard.play import Episodes
 from leaderboard.policies import CLAIRVOYANT, agent_files, agents, one_named
 from leaderboard.result import (
     MANIFEST_FILE,
@@ -33,12 +35,10 @@ from leaderboard.result import (
     write_whole,
 )
 from leaderboard.run import Attempt, Piece, attempt
+from leaderboard.workers import Workers, spread
 from turning_env import MODEL_VERSION, Scenario, presets
 from turning_env.files import read_regular
 from turning_env.progress import progress
-from turning_env.scoring.play import Episodes
-from turning_env.scoring.policy import PolicySpec, ScenarioId
-from turning_env.scoring.workers import Workers, spread
 
 _KEY_BITS = 63
 BOUND_SEEDS = 4

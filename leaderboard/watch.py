@@ -15,16 +15,16 @@ import numpy as np
 from gymnasium.error import ClosedEnvironmentError
 from numpy.typing import NDArray
 
+from baselines.policy_spec import PolicySpec
+from leaderboard.agents.agent_file import ONNX_SUFFIX
 from leaderboard.family import episode_of, family_task
 from leaderboard.policies import agents, named
 from leaderboard.result import ResultError, Task
-from train.agents.agent_file import ONNX_SUFFIX
 from turning_env import ALL_IDS, FAMILY_ID, IDS, Scenario
 from turning_env.console import DONE, Parser, described, exits, positive
 from turning_env.files import replace_file
 from turning_env.progress import progress
 from turning_env.scenario.arguments import environment_id
-from turning_env.scoring.policy import PolicySpec
 
 Frame = NDArray[np.uint8]  # shape (height, width, 3), of even height and width
 _CAPTION_HEIGHT = 30  # [px]

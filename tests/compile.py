@@ -7,15 +7,15 @@ The machine code is kept on disk, so a second run takes a few seconds.
 import numpy as np
 
 from baselines.oracles.clairvoyant import Grid, bounds
-from baselines.oracles.perfect_blanks import play_blanks
+from baselines.oracles.perfect_blanks import PerfectBlanks
 from baselines.oracles.perfect_load import PerfectLoad
-from baselines.warm_up import warm_up
+from baselines.warm_up import warm_up_rules
+from leaderboard.play import play
+from leaderboard.seeds import tuning_seeds
 from research.studies import belief_bound
 from tests.turning_env.playing import changed
 from turning_env import FamilyVectorEnv, RoughTurningEnv, Scenario
 from turning_env.numerics.functions import exp, expm1, log
-from turning_env.scoring.play import play
-from turning_env.scoring.seeds import tuning_seeds
 
 
 def compile_functions() -> None:
@@ -51,13 +51,14 @@ def compile_bounds() -> None:
         tell=True,
     )
     one_part = changed(Scenario.load("batch_casting"), workpiece={"bars": 1})
-    play_blanks(one_part, tuning_seeds(1), lambda ended: None)
+    seeds = tuning_seeds(1)
+    play(lambda num_envs: PerfectBlanks(one_part, seeds), one_part, seeds, tell=True)
 
 
 def compile_benchmark() -> None:
     """Compile what the tests of the benchmark play."""
     compile_functions()
-    warm_up()
+    warm_up_rules()
     compile_families()
     compile_pictures()
     compile_bounds()

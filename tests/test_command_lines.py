@@ -17,8 +17,8 @@ MODULES -= {"tools.requirements"}
 COMMANDS = [
     *sorted(MODULES),
     "turning_env show",
-    "turning_env score",
-    "turning_env play",
+    "leaderboard score",
+    "leaderboard play",
     "leaderboard run",
     "leaderboard show",
     "leaderboard verify",
@@ -28,10 +28,10 @@ MISTAKES = {
     # A name that does not exist.
     "turning_env nothing": "nothing",
     "turning_env show nothing": "nothing",
-    "turning_env play --env nothing": "nothing",
-    "turning_env score nothing.onnx": "nothing.onnx",
-    "turning_env score nothing:policy": "nothing",
-    "baselines.tune --scenario nothing": "nothing",
+    "leaderboard play --env nothing": "nothing",
+    "leaderboard score nothing.onnx": "nothing.onnx",
+    "leaderboard score nothing:policy": "nothing",
+    "train.tune_rules --scenario nothing": "nothing",
     "train.tune --algorithm nobody": "nobody",
     "train.curves nothing": "nothing",
     "train.export nothing --out made": "nothing",
@@ -52,10 +52,10 @@ MISTAKES = {
     "train.ppo --env shop": "RoughTurning-Family-v0",
     "train.ppo --scenario shop": "--env RoughTurning-Family-v0",
     # A number out of its range, or none.
-    "turning_env play --seed -1": "-1",
-    "turning_env score math:cos --seeds 0": "0",
-    "baselines.tune --trials x": "x",
-    "baselines.tune --jobs 0": "0",
+    "leaderboard play --seed -1": "-1",
+    "leaderboard score math:cos --seeds 0": "0",
+    "train.tune_rules --trials x": "x",
+    "train.tune_rules --jobs 0": "0",
     "train.ppo --seed -1": "0 to 998",
     "train.ppo --steps 1.5": "whole number",
     "train.ppo --set gamma=2": "0 to 1",
@@ -71,9 +71,9 @@ MISTAKES = {
     "leaderboard.watch --policy grid_search --beside fixed_handbook --human": "--human",
     "leaderboard.watch --policy causal --out made.gif": "causal",
     "leaderboard.watch --policy grid_search --out cut.avi": ".mp4, .gif, .png",
-    "baselines.tune --scenario rough_turning --out forging.toml": ".json",
-    "baselines.tune --scenario rough_turning --rules parts_pv --out made.json": "parts_pv",
-    "baselines.tune --scenario harder_lot --out made.json": "harder_lot",
+    "train.tune_rules --scenario rough_turning --out forging.toml": ".json",
+    "train.tune_rules --scenario rough_turning --rules parts_pv --out made.json": "parts_pv",
+    "train.tune_rules --scenario harder_lot --out made.json": "harder_lot",
 }
 """What the error must contain, by the command line with a mistake."""
 for algorithm in ALGORITHMS:

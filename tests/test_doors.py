@@ -10,10 +10,11 @@ import pytest
 from stable_baselines3 import PPO
 from stable_baselines3.common.env_util import make_vec_env
 
+from leaderboard import score
 from leaderboard.__main__ import main as leaderboard
 from tests.train.small import PARAMETERS
 from train import export, ppo
-from turning_env import ALL_IDS, FAMILY_ID, IDS, score
+from turning_env import ALL_IDS, FAMILY_ID, IDS
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 
 SOURCES = {**IDS, FAMILY_ID: "shop"}

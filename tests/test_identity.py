@@ -15,7 +15,7 @@ pytestmark = pytest.mark.slow
 CHECK = """
 from pathlib import Path
 from baselines import tuned
-from train.agents import agent_file
+from leaderboard.agents import agent_file
 from turning_env import Family, Scenario
 
 for path in sorted(tuned.FOLDER.glob("*.json")):
@@ -33,7 +33,7 @@ for path in sorted(Path("agents").glob("*/*/*.onnx")):
 SOME_TESTS = Smaller("-k 'vibration or RoughTurning-v0 or worn_batch'")
 PLAYED_ELSEWHERE = (
     # tests/test_pages.py runs these.
-    "python -m baselines.tune",
+    "python -m train.tune_rules",
     "python -m leaderboard run",
     # The test runs it itself, after the changes of all pages.
     "python -m leaderboard verify --check",

@@ -14,17 +14,17 @@ SHOP = ROOT / "shop"
 BENCHMARK: dict[str, set[str]] = {
     "turning_env": set(),
     "baselines": {"turning_env"},
-    "train": {"turning_env", "baselines"},
-    "leaderboard": {"turning_env", "baselines", "train"},
-    "research": {"turning_env", "baselines", "train", "leaderboard"},
-    "examples": {"turning_env", "baselines", "train"},
+    "leaderboard": {"turning_env", "baselines"},
+    "train": {"turning_env", "baselines", "leaderboard"},
+    "research": {"turning_env", "baselines", "leaderboard", "train"},
+    "examples": {"turning_env", "baselines", "leaderboard", "train"},
 }
 """Packages of the benchmark, and those that each may import, wherever in its code."""
 WORKSHOP = {
-    "turning_shop": {"turning_env", "baselines"},
+    "turning_shop": {"turning_env", "baselines", "leaderboard"},
     "turning_nc": {"turning_env", "turning_shop"},
     # Records of a machine become sheets of cuts.
-    "turning_control": {"turning_env", "baselines", "turning_shop"},
+    "turning_control": {"turning_env", "baselines", "leaderboard", "turning_shop"},
 }
 """Packages of the shop, and those that each may import."""
 MAY_IMPORT = BENCHMARK | WORKSHOP
@@ -36,16 +36,16 @@ LAYERS = (
     {"physics"},
     {"observation", "info", "named_observation"},
     {"batch"},
-    {"env", "vector_env", "family_env", "tasks", "action"},
-    {"rendering", "scoring", "adapters"},
+    {"policy", "env", "vector_env", "family_env", "tasks", "action"},
+    {"rendering", "adapters"},
     {"__main__"},
 )
 """Modules of ``turning_env`` from the bottom up.
 
 A module may import its own layer and all below.
 """
-UPWARDS = {("action", "scoring"), ("env", "rendering")}
-"""Exceptions: actions have the type of a policy's, and an environment creates its viewer."""
+UPWARDS = {("env", "rendering")}
+"""The exception: an environment creates its viewer."""
 LEAVES = {"files", "locks", "console", "extras", "progress"}
 """Modules that all layers may import, and that import none."""
 

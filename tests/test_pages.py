@@ -37,10 +37,10 @@ ELSEWHERE = (
     "python -m train.export mine-seed3.zip",
     "python -m leaderboard run --env RoughTurning-Family-v0 --agents submissions",
     "docker ",
-    # A window, and minutes of compiling: tests/baselines/test_play.py and
+    # A window, and minutes of compiling: tests/leaderboard/test_game.py and
     # tests/turning_env/test_main.py have both.
-    "python -m turning_env play",
-    "python -m turning_env warm-up",
+    "python -m leaderboard play",
+    "python -m baselines.warm_up",
 )
 SMALLER = {
     "make leaderboard": Smaller(
@@ -63,7 +63,7 @@ SMALLER = {
     ),
     "python -m train.ppo": Smaller("--steps 20000 --set num_envs=32"),
     "python -m train.tune": Smaller("--steps 4096 --trials 1 --scenario short.toml"),
-    "python -m baselines.tune": Smaller(
+    "python -m train.tune_rules": Smaller(
         "--seeds 1 --trials 2",
         {"rough_turning": "short.toml", "my_tool.toml": "short.toml", "--shipped": "--quick"},
     ),
@@ -77,7 +77,7 @@ SMALLER = {
     # The oracle takes seconds to compile.
     "python -m leaderboard run --policy team1": Smaller(replaced={"causal": "idle"}),
     "python -m leaderboard run": Smaller("--seeds 2"),
-    "python -m turning_env score": Smaller("--seeds 2"),
+    "python -m leaderboard score": Smaller("--seeds 2"),
     # The page is of the agent: a rule that acts at once can play beside it.
     "python -m leaderboard run --env RoughTurning-Family-v0 --split": Smaller(
         "--seeds 1", {"self_tuning": "fixed_nominal_optimum"}

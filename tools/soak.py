@@ -39,9 +39,9 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from baselines import tune as rule_tuning
 from leaderboard import __main__ as leaderboard_command
 from train import ppo, tune
+from train import tune_rules as rule_tuning
 from train.run import Run
 from train.training import train
 from turning_env import RoughTurningEnv, RoughTurningVectorEnv, Scenario

@@ -41,9 +41,10 @@ for env in ("RoughTurning-v0", vector, batch):
     SAC("MlpPolicy", env, learning_starts=8).learn(16)
 """
 SCORE = """
-import numpy as np, turning_env
+import leaderboard
+import numpy as np
 policy = lambda observations: np.zeros((len(observations), 1))
-print(turning_env.score(policy, "RoughTurning-Override-v1", seeds=4))
+print(leaderboard.score(policy, "RoughTurning-Override-v1", seeds=4))
 """
 SHOP_FILES = ("cuts.csv", "programs/flange.nc")
 """Examples of the shop that its commands read."""
@@ -172,7 +173,7 @@ def digests_with_others(
 def _installed(environment: Environment, wheel: Path, constraints: str) -> str:
     """Install the wheel into an environment, try it there, and return the digest of plays."""
     environment.install_pinned(wheel, constraints)
-    for command in ("-m pip list", "-m pip check", "-I -m turning_env presets"):
+    for command in ("-m pip list", "-m pip check", "-I -m turning_env show"):
         environment.run(*command.split())
     environment.run("-I", "-c", SCORE)
     return environment.play()

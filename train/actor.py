@@ -6,7 +6,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from turning_env.scoring.policy import Actions, Observations
+from turning_env.policy import Actions, Observations
 
 
 class Actor(torch.nn.Module):

@@ -28,12 +28,12 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from baselines.guided import HOLD
+from baselines.policy_spec import ScenarioId
+from leaderboard.statistics import CONFIDENCE, KEY, RESAMPLES
 from train.run import Run
 from turning_env.console import Parser, described, exits
 from turning_env.files import replace_file
 from turning_env.rendering import plot_style as style
-from turning_env.scoring.policy import ScenarioId
-from turning_env.scoring.statistics import CONFIDENCE, KEY, RESAMPLES
 
 FILE = "learning_curves.json"
 """Name of the file of learning curves beside agents."""

@@ -47,7 +47,7 @@ from train.run import Run
 from train.training import ACTIVATIONS, Algorithm, command_line
 from turning_env import Family, Reading, Scenario
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
-from turning_env.scoring.policy import Actions, Observations
+from turning_env.policy import Actions, Observations
 
 Tensor = torch.Tensor
 

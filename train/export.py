@@ -7,8 +7,8 @@
 
 An agent is the folder of a training run, or any file in it; a model that Stable-Baselines3 has
 saved; or a network in ONNX. A file is written only if it acts as the agent does, on observations
-sampled from the observation space and on those of episodes. See ``train/agents/agent_file.py`` for
-what a file holds.
+sampled from the observation space and on those of episodes. See
+``leaderboard/agents/agent_file.py`` for what a file holds.
 """
 
 import argparse
@@ -32,21 +32,29 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from baselines.belief import VectorBeliefObservation
+from leaderboard.agents import agent_file
+from leaderboard.agents.agent_file import (
+    FORMAT,
+    NAME,
+    ONNX_SUFFIX,
+    AgentFile,
+    Metadata,
+    Space,
+    family_of,
+)
+from leaderboard.agents.network import session_after_trial
+from leaderboard.agents.onnx_session import OnnxPolicy
+from leaderboard.seeds import tuning_seeds
 from train.actor import Actor, ActorPolicy
-from train.agents import agent_file
-from train.agents.agent_file import FORMAT, NAME, ONNX_SUFFIX, AgentFile, Metadata, Space
-from train.agents.network import session_after_trial
-from train.agents.to_onnx import ModuleActor, adopted, sb3_actor, to_onnx
-from train.run import ALGORITHMS, Run, family_of, trained_on
+from train.run import ALGORITHMS, Run, trained_on
+from train.to_onnx import ModuleActor, adopted, sb3_actor, to_onnx
 from train.training import load_actor, stating_information
 from turning_env import ALL_IDS, Family, Scenario
 from turning_env.console import Parser, described, exits
 from turning_env.family_env import vector_env
 from turning_env.files import replace_file
+from turning_env.policy import Policy
 from turning_env.scenario.arguments import environment_id
-from turning_env.scoring.onnx_session import OnnxPolicy
-from turning_env.scoring.policy import Policy
-from turning_env.scoring.seeds import tuning_seeds
 
 # Numbers of environments and steps in each of the two comparisons of agent and file.
 NUM_ENVS = 50

@@ -15,10 +15,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from baselines.comparators import NOMINAL_CHANGE_WEAR
 from turning_env import Family, Scenario
 from turning_env.physics.quantities import action_size, layout
 from turning_env.scenario.family import Job
-from turning_env.scoring.comparators import NOMINAL_CHANGE_WEAR
 
 Array = NDArray[np.float64]
 

@@ -11,11 +11,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from baselines.policy_spec import ScenarioId
+from leaderboard.agents.agent_file import family_of
 from turning_env import FAMILY_ID, IDS, Family, Scenario
 from turning_env.files import replace_file
 from turning_env.scenario.arguments import refuse_family
 from turning_env.scenario.section import names_instead
-from turning_env.scoring.policy import ScenarioId
 
 HYPERPARAMETERS = Path(__file__).parent / "hyperparameters"
 ALGORITHMS = (
@@ -33,15 +34,6 @@ ALGORITHMS = (
 CURVE_COLUMNS = ("steps", "wall_time", "mean_return")
 """Columns of a learning curve: environment steps; seconds of training without interruptions; mean
 return [s] of the last 100 episodes, in which the agent explores. An algorithm may add columns."""
-TERMS = {
-    "belief": False,
-    "position": False,
-    "frames": 1,
-    "life_price": "flat",
-    "hides_context": False,
-    "asymmetric": False,
-}
-"""Values of ``train/terms.py``'s hyperparameters in a training that does not name them."""
 SHARES = ("gamma", "gae_lambda", "tau")
 """Hyperparameters that are shares, at most 1."""
 
@@ -192,11 +184,6 @@ def trained_on(env_id: str, source: str | None) -> Scenario | Family:
         return Family.load(source or "shop")
     refuse_family(source)
     return Scenario.load(source or IDS[env_id])
-
-
-def family_of(env_id: str, parameters: Mapping[str, Any]) -> Family | None:
-    """Return the family that a run's parameters name, if its id plays one."""
-    return Family.load(parameters["family"]) if env_id == FAMILY_ID else None
 
 
 def _scenario_of(source: Scenario | Family) -> Scenario:

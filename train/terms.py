@@ -10,7 +10,7 @@ The same hyperparameters mean the same for every algorithm that has them:
     asymmetric = true        # PPO's critic sees the hidden state, its actor does not
 
 Position and earlier observations are part of the trained agent and of its file
-(``train/agent_inputs.py``). The belief is not: in play, ``train.agents.agent_file.informed``
+(``train/agent_inputs.py``). The belief is not: in play, ``leaderboard.agents.agent_file.informed``
 computes it from nominal models and observations. ``train/life_price.py`` changes the rewards.
 """
 
@@ -20,11 +20,12 @@ from functools import partial
 from typing import Any, Self
 
 from baselines.belief import VectorBeliefObservation
+from leaderboard.agents.agent_file import seen_space
+from leaderboard.training_information import TERMS
 from train.actor import Actor
 from train.agent_inputs import AgentInputs, AgentInputsWrapper, HiddenStateWrapper, WithInputs
-from train.agents.agent_file import seen_space
 from train.life_price import LIFE_PRICES, LifePriceVecEnv
-from train.run import TERMS, Run
+from train.run import Run
 from turning_env import Scenario
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 

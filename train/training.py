@@ -28,8 +28,13 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv
 from tqdm import tqdm
 
+from baselines.policy_spec import PolicySpec
+from leaderboard.agents.agent_file import informed, trained_policy
+from leaderboard.play import Episodes, play, play_family
+from leaderboard.seeds import HELD_OUT_START, TUNING_START, tuning_seeds
+from leaderboard.statistics import Estimate
+from leaderboard.training_information import with_terms
 from train.actor import Actor, ActorPolicy
-from train.agents.agent_file import informed, trained_policy
 from train.run import (
     ALGORITHMS,
     CURVE_COLUMNS,
@@ -40,17 +45,12 @@ from train.run import (
     warn_of_pickle,
 )
 from train.terms import Terms
-from train.training_information import with_terms
 from turning_env import ALL_IDS, FAMILY_ID, Scenario
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 from turning_env.console import Parser, described, exits, whole_number
 from turning_env.files import digest_of_files, folder_lock, replace_file
 from turning_env.progress import progress
 from turning_env.scenario.arguments import environment_id
-from turning_env.scoring.play import Episodes, play, play_family
-from turning_env.scoring.policy import PolicySpec
-from turning_env.scoring.seeds import HELD_OUT_START, TUNING_START, tuning_seeds
-from turning_env.scoring.statistics import Estimate
 
 SEED_STRIDE = 1_000_000
 """Environment i of training seed s plays seed s * SEED_STRIDE + i: no two trainings share bars."""

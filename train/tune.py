@@ -30,14 +30,14 @@ from typing import Any
 import tomli_w
 from tqdm import tqdm
 
-from baselines.tune import Played, Trial, TrialLog, trials
+from leaderboard.workers import Workers, cluster, processes
 from train.run import ALGORITHMS, Run, hyperparameters, overrides, trained_on
 from train.training import SEEDS, add_task, algorithm_of, play_agent, train
+from train.tune_rules import Played, Trial, TrialLog, trials
 from turning_env import Family, Scenario
 from turning_env.console import Parser, described, exits, whole_number
 from turning_env.files import digest_of, file_lock
 from turning_env.progress import progress
-from turning_env.scoring.workers import Workers, cluster, processes
 
 NUM_EPISODES = 64
 """Number of tuning seeds that each agent plays; on a family, it plays all jobs for validation."""

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from turning_env.scenario import SPLITS, Scenario, ScenarioError, presets
     from turning_env.scenario.family import Family
     from turning_env.scenario.power_law import PowerLaw
-    from turning_env.scoring.score import Score, score
     from turning_env.vector_env import RoughTurningVectorEnv
 
 _MODULES = {
@@ -31,7 +30,6 @@ _MODULES = {
     "scenario": ("SPLITS", "Scenario", "ScenarioError", "presets"),
     "scenario.family": ("Family",),
     "scenario.power_law": ("PowerLaw",),
-    "scoring.score": ("Score", "score"),
     "vector_env": ("RoughTurningVectorEnv",),
 }
 _MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
@@ -72,11 +70,9 @@ __all__ = [
     "RoughTurningVectorEnv",
     "Scenario",
     "ScenarioError",
-    "Score",
     "__version__",
     "presets",
     "read",
-    "score",
 ]
 
 

@@ -13,8 +13,8 @@ from turning_env.observation import parameters_of
 from turning_env.physics.lathe import command
 from turning_env.physics.quantities import WIDTH
 from turning_env.physics.records import SCRATCH, STATE, new_records
+from turning_env.policy import Actions
 from turning_env.scenario import ScenarioBatch
-from turning_env.scoring.policy import Actions
 
 Array = NDArray[np.float64]
 

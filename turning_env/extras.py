@@ -40,7 +40,7 @@ Other distributions add theirs by entry points of the group ``turning_env.extras
 def provided(group: str) -> list[Any]:
     """Return the objects of installed packages for a group of entry points.
 
-    Groups: ``commands``, ``extras`` and ``warm_ups``. Raise ModuleNotFoundError if an optional
+    Groups: ``commands`` and ``extras``. Raise ModuleNotFoundError if an optional
     package is missing.
     """
     objects = []

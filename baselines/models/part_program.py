@@ -10,7 +10,7 @@ import numpy as np
 from baselines.rule import Array, Mask, Parameters, Range, Rule
 from turning_env import Reading, Scenario, read
 from turning_env.action import sets_speed_and_feed, towards
-from turning_env.scoring.policy import Actions, Observations, Policy
+from turning_env.policy import Actions, Observations, Policy
 
 PROGRAM = {"cutting_speed": Range(50.0, 200.0), "feed": Range(0.06, 0.60, logarithmic=True)}
 """Tuned parameters of a part program if actions set speed and feed [m/min], [mm/rev].

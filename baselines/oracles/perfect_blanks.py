@@ -17,7 +17,7 @@ plan, the wear of an edge goes on at its factor.
 The blanks follow from a seed, so the oracle is built from the seeds of its environments.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -29,8 +29,7 @@ from turning_env import PowerLaw, Scenario
 from turning_env.numerics.compilation import compiled, compiled_entry
 from turning_env.numerics.functions import exp, log, real_power
 from turning_env.physics.records import block_records
-from turning_env.scoring.play import Episodes, play
-from turning_env.scoring.policy import Actions, Observations, Policy
+from turning_env.policy import Actions, Observations, Policy
 
 VERSION = 1  # raised when its actions change
 CELLS = 60  # of a blank
@@ -329,15 +328,6 @@ def cost_of_pass(cut, blank, task, log_speed, log_feed):  # type: ignore[no-unty
 def at_set_point(load, log_speed, log_feed):  # type: ignore[no-untyped-def]
     """Return the factor of a set point in a load."""
     return exp(load.cutting_speed * log_speed + load.feed * log_feed)
-
-
-def play_blanks(
-    scenario: Scenario, seeds: Sequence[int], on_step: Callable[[int], None]
-) -> Episodes:
-    """Play one episode per seed; see ``turning_env.scoring.play.play``."""
-    return play(
-        lambda num_envs: PerfectBlanks(scenario, seeds), scenario, seeds, on_step, tell=True
-    )
 
 
 def covers(scenario: Scenario) -> bool:

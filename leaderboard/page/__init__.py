@@ -17,22 +17,22 @@ from urllib.parse import quote
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
+from baselines.comparators import CAUSAL, comparators
 from baselines.guided import HOLD
+from baselines.policy_spec import PolicySpec
 from leaderboard import columns, table
+from leaderboard.agents.agent_file import ONNX_SUFFIX
 from leaderboard.columns import Cell
 from leaderboard.information import CLASSES
 from leaderboard.page.charts import chart_data
 from leaderboard.ranking import Leaderboard
+from leaderboard.scoring import SPLIT
 from leaderboard.shown import MAX_COMMAND, MAX_VALUES, few, limited
 from leaderboard.standings import Standing, best_rule
-from train.agents.agent_file import ONNX_SUFFIX
+from leaderboard.statistics import CONFIDENCE, RESAMPLES
 from turning_env import IDS, SPLITS, Scenario, presets
 from turning_env.rendering.plot_style import policy_look
 from turning_env.scenario.family import families
-from turning_env.scoring.comparators import CAUSAL, comparators
-from turning_env.scoring.policy import PolicySpec
-from turning_env.scoring.score import SPLIT
-from turning_env.scoring.statistics import CONFIDENCE, RESAMPLES
 
 SHOWN_AT_FIRST = ("Score", "Result", "Limits")
 SHOWN_ON_PHONES = ("Score", "Result")

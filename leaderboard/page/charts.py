@@ -10,11 +10,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from baselines.comparators import comparators
 from leaderboard.ranking import Leaderboard
 from leaderboard.trajectories import JobLimits, Trajectory
 from turning_env import Scenario
 from turning_env.rendering.plot_style import policy_look
-from turning_env.scoring.comparators import comparators
 
 LEVELS = 4_094  # a packed value is one of 0 to LEVELS, over the series' range: finer than a screen
 GAP = LEVELS + 1  # stands for a missing value: the load of a tool in air

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from turning_env import RoughTurningVectorEnv, Scenario
 from turning_env.extras import tell_plainly
 from turning_env.physics.quantities import INFO
+from turning_env.policy import Policy
 from turning_env.scenario import Source
-from turning_env.scoring.policy import Policy
 
 tell_plainly()
 

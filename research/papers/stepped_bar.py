@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from research.papers import changed, record
 from turning_env import Scenario
-from turning_env.scoring.policy import PolicyFactory
+from turning_env.policy import PolicyFactory
 
 RIPPLE = 0.02  # amplitude of the ripple of depth in the paper's test, over the depth [-]
 STEPS = (1.0, 2.0, 3.0)  # depths of cut of the paper's test [mm]

@@ -20,9 +20,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from baselines.fixed import FixedParameters
+from leaderboard.play import play
 from research.papers import changed, rows
 from turning_env import Scenario
-from turning_env.scoring.play import play
 
 STATED_LIFE = 15.0  # life of the grid search's edge in the paper's ratios of metal per edge [min]
 COLLAPSE_TIME = 6.25  # cutting time at which the edge of T9 collapsed [min]

@@ -28,10 +28,16 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from tqdm import tqdm
 
 from baselines import catalogue
+from baselines.comparators import CAUSAL
 from baselines.oracles.perfect_state import VERSION
+from baselines.policy_spec import PolicySpec
+from leaderboard.agents.agent_file import ONNX_SUFFIX, informed
 from leaderboard.family import FamilyPlay, Truthful
+from leaderboard.play import Episodes, play, play_family
+from leaderboard.seeds import held_out_seeds, tuning_seeds
+from leaderboard.statistics import Bootstrap, Estimate, Floats, RankKey, rank_key
 from leaderboard.table import markdown
-from train.agents.agent_file import ONNX_SUFFIX, informed
+from leaderboard.workers import spread, workers
 from train.curves import FILE as CURVES
 from train.curves import Training, Trainings
 from train.export import export
@@ -41,12 +47,6 @@ from turning_env import FAMILY_ID, IDS, MODEL_VERSION, SPLITS, Family, Scenario
 from turning_env.console import UserError, described, exits, positive
 from turning_env.files import digest_of, replace_file
 from turning_env.scenario.scenario import flat
-from turning_env.scoring.comparators import CAUSAL
-from turning_env.scoring.play import Episodes, play, play_family
-from turning_env.scoring.policy import PolicySpec
-from turning_env.scoring.seeds import held_out_seeds, tuning_seeds
-from turning_env.scoring.statistics import Bootstrap, Estimate, Floats, RankKey, rank_key
-from turning_env.scoring.workers import spread, workers
 
 FOLDER = Path(__file__).parent
 STUDIES = sorted(path.stem for path in FOLDER.glob("*.toml"))

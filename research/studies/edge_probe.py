@@ -21,8 +21,8 @@ from baselines.self_tuning import RULES, SelfTuning
 from turning_env import Family, FamilyVectorEnv, Reading, Scenario, read
 from turning_env.action import towards
 from turning_env.numerics.functions import log
+from turning_env.policy import Actions, Observations
 from turning_env.scenario.scenario_batch import ScenarioBatch
-from turning_env.scoring.policy import Actions, Observations
 
 EDGES = 2  # edges of the history
 SLOW_SHARES = (0.5, 0.65, 0.8)

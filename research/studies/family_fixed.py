@@ -12,11 +12,11 @@ import sys
 from collections.abc import Sequence
 
 from leaderboard.family import FixedNominalOptimum, SetPointShares
+from leaderboard.play import play_family
+from leaderboard.statistics import Bootstrap, feasibility, severe_share
 from leaderboard.table import markdown
 from turning_env import Family
 from turning_env.console import described, exits, positive
-from turning_env.scoring.play import play_family
-from turning_env.scoring.statistics import Bootstrap, feasibility, severe_share
 
 
 def row(family: Family, num_jobs: int, shares: SetPointShares) -> dict[str, str]:

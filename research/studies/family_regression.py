@@ -22,12 +22,12 @@ import numpy as np
 import torch
 
 from leaderboard.family import FixedNominalOptimum, SetPointShares
+from leaderboard.play import play_family
+from leaderboard.statistics import Bootstrap, Estimate, Floats
 from leaderboard.table import markdown
 from turning_env import Family
 from turning_env.console import described, exits, positive
 from turning_env.scenario.family import CHUNK, Job
-from turning_env.scoring.play import play_family
-from turning_env.scoring.statistics import Bootstrap, Estimate, Floats
 
 SPEEDS = (0.75, 0.92, 1.1)
 FEEDS = (0.52, 0.62, 0.75)

@@ -16,11 +16,11 @@ import numpy as np
 
 from leaderboard.ranking import Leaderboard, read_leaderboard
 from leaderboard.result import RESULTS, result_folder
+from leaderboard.seeds import held_out_seeds
+from leaderboard.statistics import Bootstrap, Estimate, Floats
 from research.studies import belief_bound
 from turning_env import IDS, Scenario
 from turning_env.console import described, exits
-from turning_env.scoring.seeds import held_out_seeds
-from turning_env.scoring.statistics import Bootstrap, Estimate, Floats
 
 ENV_ID = "RoughTurning-v0"
 MAX_SEEDS = 256  # seeds that shipped results have played

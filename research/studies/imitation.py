@@ -17,14 +17,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from baselines.policy_spec import PolicySpec
+from leaderboard.agents import onnx_policy
+from leaderboard.agents.agent_file import family_of
+from leaderboard.seeds import TUNING_START
 from leaderboard.table import markdown
-from train.agents import onnx_policy
 from train.dagger import TaughtVecEnv
-from train.run import family_of
 from turning_env import FAMILY_ID
 from turning_env.console import UserError, described, exits
-from turning_env.scoring.policy import PolicySpec
-from turning_env.scoring.seeds import TUNING_START
 
 FIRST_STEPS = 200
 """Steps that do not count [-]: all jobs have just begun."""

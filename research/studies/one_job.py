@@ -17,12 +17,12 @@ from matplotlib.figure import Figure
 from baselines import tuned
 from baselines.catalogue import spec
 from baselines.guided import START_SHARE
-from train.agents.agent_file import informed
-from train.agents.onnx_policy import load
+from leaderboard.agents.agent_file import informed
+from leaderboard.agents.onnx_policy import load
 from turning_env import FamilyEnv, Scenario
 from turning_env.console import described, exits
+from turning_env.policy import Policy
 from turning_env.rendering import plot_style as style
-from turning_env.scoring.policy import Policy
 
 SHOWN = ("cutting_speed", "used_life", "edges_broken")
 

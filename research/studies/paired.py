@@ -17,10 +17,10 @@ import numpy as np
 
 from leaderboard.result import RESULTS, read_results, result_folder
 from leaderboard.standings import LARGEST
+from leaderboard.statistics import Bootstrap, Estimate, Floats
 from leaderboard.table import markdown
 from turning_env import FAMILY_ID
 from turning_env.console import UserError, described, exits
-from turning_env.scoring.statistics import Bootstrap, Estimate, Floats
 
 
 def returns_of(policy: str, folder: Path) -> Floats:

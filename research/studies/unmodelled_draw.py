@@ -20,11 +20,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from baselines import tuned
+from baselines.comparators import CAUSAL
 from baselines.models.schedule import FORMS
 from baselines.oracles.known_forms import KnownForms, collapses
 from baselines.self_tuning import RULES
-from baselines.tune_contextual import LOG_SPEEDS, NAME, Plays
 from leaderboard.family import FamilyPlay, Truthful
+from leaderboard.play import EPISODE_FIELDS, Episodes, play_family
+from leaderboard.statistics import Bootstrap, Estimate, Floats
 from leaderboard.table import markdown
 from research.studies.edge_probe import (
     FOLDS,
@@ -33,13 +35,11 @@ from research.studies.edge_probe import (
     explored,
     left_out_scores,
 )
+from train.tune_contextual import LOG_SPEEDS, NAME, Plays
 from turning_env import Family
 from turning_env.console import described, exits, positive
+from turning_env.policy import Policy, PolicyFactory
 from turning_env.scenario.family import Job
-from turning_env.scoring.comparators import CAUSAL
-from turning_env.scoring.play import EPISODE_FIELDS, Episodes, play_family
-from turning_env.scoring.policy import Policy, PolicyFactory
-from turning_env.scoring.statistics import Bootstrap, Estimate, Floats
 
 SPLIT = "train"
 WORTH_JOBS = 96

@@ -16,18 +16,12 @@ from typing import Any
 
 import numpy as np
 
+from baselines.comparators import CAUSAL, NOMINAL_SHARE
 from baselines.reactive import WINDOW_ALONE, Reactions, Reactive
 from baselines.self_tuning import RULES
 from leaderboard.family import KNOWN_FORMS, family_task, rule
-from leaderboard.table import markdown
-from research.studies.edge_probe import chunks_of_similar_length
-from research.studies.unmodelled_draw import Row, cells, given
-from turning_env import Family, Scenario
-from turning_env.console import described, exits, positive
-from turning_env.scoring.comparators import CAUSAL, NOMINAL_SHARE
-from turning_env.scoring.play import EPISODE_FIELDS, Episodes, play_family
-from turning_env.scoring.policy import Policy
-from turning_env.scoring.statistics import (
+from leaderboard.play import EPISODE_FIELDS, Episodes, play_family
+from leaderboard.statistics import (
     Bootstrap,
     Estimate,
     Floats,
@@ -35,6 +29,12 @@ from turning_env.scoring.statistics import (
     score_of,
     severe_share,
 )
+from leaderboard.table import markdown
+from research.studies.edge_probe import chunks_of_similar_length
+from research.studies.unmodelled_draw import Row, cells, given
+from turning_env import Family, Scenario
+from turning_env.console import described, exits, positive
+from turning_env.policy import Policy
 
 FAMILY = "unmodelled2"
 SPLITS = ("validation", "train")

@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from turning_control.measure import Guarded, markdown, play_guarded
 from turning_control.shield import Settings
 
+from leaderboard.seeds import held_out_seeds, tuning_seeds
 from turning_env.observation import Reading, read
 from turning_env.physics.quantities import action_size
+from turning_env.policy import Actions, Observations, Policy
 from turning_env.scenario import Scenario
-from turning_env.scoring.policy import Actions, Observations, Policy
-from turning_env.scoring.seeds import held_out_seeds, tuning_seeds
 
 Reaction = Literal["none", "while light", "after entry", "later in the bar"]
 REACTIONS: tuple[Reaction, ...] = get_args(Reaction)

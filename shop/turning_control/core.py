@@ -23,8 +23,8 @@ from turning_env.physics.lathe import charge_time_and_life
 from turning_env.physics.quantities import layout
 from turning_env.physics.records import block_records
 from turning_env.physics.wear import EQUIVALENT_TIME
+from turning_env.policy import PolicyFactory
 from turning_env.scenario import Scenario
-from turning_env.scoring.policy import PolicyFactory
 
 # Delay from readings until LinuxCNC follows [s], if the scenario gives none: measured in the demo.
 COMMAND_DELAY = 0.006

@@ -46,12 +46,12 @@ from turning_control.readings import (
 from turning_control.shield import LOG, Shield
 
 from baselines import catalogue
+from leaderboard.adapt import as_factory
 from turning_env.action import towards
 from turning_env.observation import read
 from turning_env.physics.drives import lag_share
+from turning_env.policy import Actions, Observations, PolicyFactory
 from turning_env.scenario import Scenario
-from turning_env.scoring.adapt import as_factory
-from turning_env.scoring.policy import Actions, Observations, PolicyFactory
 from turning_env.vector_env import RoughTurningVectorEnv
 
 PYTHON = "/usr/bin/python3"  # the Python that has LinuxCNC's modules

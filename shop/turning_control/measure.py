@@ -14,13 +14,13 @@ from gymnasium.vector import AutoresetMode
 from tqdm import tqdm
 from turning_control.shield import Settings, Shield
 
+from leaderboard.adapt import as_factory
+from leaderboard.scoring import shipped
+from leaderboard.seeds import held_out_seeds
 from turning_env import IDS
 from turning_env.physics.quantities import action_size
+from turning_env.policy import Actions, Observations, Policy
 from turning_env.scenario import Scenario
-from turning_env.scoring.adapt import as_factory
-from turning_env.scoring.policy import Actions, Observations, Policy
-from turning_env.scoring.score import shipped
-from turning_env.scoring.seeds import held_out_seeds
 from turning_env.vector_env import RoughTurningVectorEnv, info_at_end_of_step
 
 SUMS = ("severe_overload_time", "engaged_time", "edges_broken", "removed", "time")

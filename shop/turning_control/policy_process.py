@@ -6,7 +6,7 @@ request with a number, and an answer with the same number. A policy that does no
 fails or has ended raises an error in ``act``, which the shield answers with the safe feed.
 
 An ONNX file plays in one more process, which can read and write no file
-(``turning_env/scoring/sandbox.py``). A module is the user's own code: its process may do what the
+(``leaderboard/agents/sandbox.py``). A module is the user's own code: its process may do what the
 user who started the control may do.
 """
 
@@ -28,9 +28,9 @@ import numpy as np
 from numpy.typing import NDArray
 from turning_control.streams import standard_streams_taken
 
-from turning_env.scoring.adapt import as_factory
-from turning_env.scoring.policy import Actions, Observations, Policy, PolicyFactory
-from turning_env.scoring.sandbox import Limits
+from leaderboard.adapt import as_factory
+from leaderboard.agents.sandbox import Limits
+from turning_env.policy import Actions, Observations, Policy, PolicyFactory
 
 LOADING = 120.0  # time in which a policy must load and answer for the first time [s]
 HUNG = 10.0  # time without an answer after which a policy's process is ended [s]

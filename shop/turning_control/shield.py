@@ -26,8 +26,8 @@ from turning_env.action import commanded, towards
 from turning_env.observation import Reading, read
 from turning_env.physics.drives import lag_share
 from turning_env.physics.quantities import action_size
+from turning_env.policy import Actions, Observations, Policy
 from turning_env.scenario import Scenario
-from turning_env.scoring.policy import Actions, Observations, Policy
 
 LOG = logging.getLogger("turning_control")
 

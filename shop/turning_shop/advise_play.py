@@ -26,13 +26,14 @@ from turning_shop.provenance import BARS_VARY, assumed_in_simulation
 from turning_shop.units import METRIC, Units
 
 from baselines import catalogue
+from baselines.policy_spec import PolicySpec
+from leaderboard.adapt import as_factory
+from leaderboard.play import Episodes, play
+from leaderboard.seeds import held_out_seeds
+from leaderboard.statistics import Bootstrap, Estimate, severe_share
 from turning_env.action import set_point_action
+from turning_env.policy import Actions, Observations
 from turning_env.scenario import Scenario
-from turning_env.scoring.adapt import as_factory
-from turning_env.scoring.play import Episodes, play
-from turning_env.scoring.policy import Actions, Observations, PolicySpec
-from turning_env.scoring.seeds import held_out_seeds
-from turning_env.scoring.statistics import Bootstrap, Estimate, severe_share
 
 FIXED = "fixed parameters"  # the advice, whose edge is changed by plan
 RULES = ("predictive", "constant_power_lead", "omative", "modified_fuzzy_override")

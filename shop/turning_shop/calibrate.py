@@ -42,12 +42,12 @@ from turning_shop.prediction import Evidence, evidence_of, read_evidence
 from turning_shop.provenance import CATALOGUE, TAYLOR, is_papers, stated_by
 from turning_shop.whatif import NO_LIMIT
 
+from leaderboard.statistics import Estimate
 from turning_env.files import replace_file
 from turning_env.scenario import Scenario, presets
 from turning_env.scenario.power_law import PowerLaw
 from turning_env.scenario.scenario import name_of_file
 from turning_env.scenario.sections import Material
-from turning_env.scoring.statistics import Estimate
 
 VAGUE = 1.0
 """Half-width of the interval of the wear law's exponent of speed above which catalogues count [-].

@@ -39,8 +39,8 @@ from turning_shop.headers import COLUMNS
 from turning_shop.measurements import Measurements
 from turning_shop.regression import EdgeEffect, Regression, Solution, least_squares, solve
 
+from leaderboard.statistics import Estimate
 from turning_env.scenario.power_law import PowerLaw
-from turning_env.scoring.statistics import Estimate
 
 FACTORS = {
     "wear": ("cutting_speed", "feed", "depth_of_cut", "time", "hardness"),

@@ -6,10 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from baselines import tune, tuned
+from baselines import tuned
 from baselines.catalogue import CHANGE_AT, RULES, TimelyChanges, names, playable, spec
 from baselines.fixed import FixedParameters
 from baselines.rule import Range, Rule
+from train import tune_rules
 from turning_env import Scenario
 
 CONTROLLERS = Path(__file__).parents[2] / "docs" / "controllers.md"
@@ -71,7 +72,7 @@ def test_tuned_parameters_join_the_fixed_ones_and_a_change_of_edges_on_command(
 
 
 def test_what_is_not_tuned_says_which_command_tunes_it(tunable: str) -> None:
-    command = r"run `python -m baselines\.tune --scenario rough_turning --shipped"
+    command = r"run `python -m train\.tune_rules --scenario rough_turning --shipped"
     with pytest.raises(tuned.NotTuned, match=f"have not been tuned: {command}`"):
         spec(tunable, Scenario())
     assert tuned.command_of([tunable], Scenario()) == tuned.command(Scenario())
@@ -101,10 +102,10 @@ def test_a_rule_tuned_on_one_preset_plays_others_with_what_was_found_there(
         spec(tunable, Scenario())
     keep({tunable: {"feed": 0.3}}, home)
     assert spec(tunable, Scenario()).parameters["feed"] == 0.3
-    assert tunable in tune.chosen_rules(None, home)
-    assert tunable not in tune.chosen_rules(None, Scenario())
+    assert tunable in tune_rules.chosen_rules(None, home)
+    assert tunable not in tune_rules.chosen_rules(None, Scenario())
     with pytest.raises(ValueError, match="nothing to tune on scenario 'rough_turning'"):
-        tune.chosen_rules([tunable], Scenario())
+        tune_rules.chosen_rules([tunable], Scenario())
 
 
 @pytest.mark.parametrize("name", RULES)

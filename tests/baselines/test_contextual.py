@@ -9,14 +9,14 @@ import pytest
 import tomli_w
 from gymnasium.vector import AutoresetMode
 
-from baselines import tune_contextual
 from baselines.catalogue import names, names_on, spec
 from baselines.contextual import RULES, log_speeds
 from baselines.guided import START_SHARE
-from baselines.tune_contextual import LOG_SPEEDS, Grid, Plays, candidates
 from leaderboard.family import family_task
 from leaderboard.policies import named, one_named
 from leaderboard.result import ResultError
+from train import tune_contextual
+from train.tune_contextual import LOG_SPEEDS, Grid, Plays, candidates
 from turning_env import Family, FamilyVectorEnv
 
 FAMILY = Family.load("unmodelled")

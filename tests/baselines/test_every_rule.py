@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 from baselines.catalogue import RULES, names, playable
 from baselines.rule import Parameters, Rule
-from baselines.tune import middle
 from tests.turning_env.playing import changed
+from train.tune_rules import middle
 from turning_env import IDS, RoughTurningVectorEnv, Scenario, presets
 from turning_env.observation import bounds
 from turning_env.physics.quantities import OBS
-from turning_env.scoring.policy import Policy
+from turning_env.policy import Policy
 
 SCENARIOS = {name: Scenario.load(name).nominal() for name in presets()}
 # Force and power grow from that of a fresh edge, which needs no wear.

@@ -12,7 +12,7 @@ from baselines.guided import (
 )
 from tests.turning_env.playing import changed
 from turning_env import Family, FamilyVectorEnv
-from turning_env.scoring.policy import Policy
+from turning_env.policy import Policy
 
 FAMILY = Family.load("unmodelled")
 

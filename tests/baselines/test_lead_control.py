@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from baselines.catalogue import spec
+from leaderboard.play import play
+from leaderboard.seeds import tuning_seeds
 from tests.turning_env.playing import changed
 from turning_env import RoughTurningVectorEnv, Scenario
-from turning_env.scoring.play import play
-from turning_env.scoring.seeds import tuning_seeds
 
 SEEDS = tuning_seeds(4)
 STEADY = {"hardness_along_spread": 0.0, "hardness_bar_spread": 0.0, "depth_bar_spread": 0.0}

@@ -9,9 +9,9 @@ from baselines.models.schedule import FORMS, schedule
 from baselines.predictive import SPEED_MARGIN
 from baselines.self_tuning import SelfTuning
 from leaderboard.family import Truthful
+from leaderboard.play import play, play_family
 from turning_env import FamilyVectorEnv
 from turning_env.scenario.family import Family
-from turning_env.scoring.play import play, play_family
 
 SETTINGS = {"severity": 1.0, "caution": 1.0, "wear_caution": 1.0}
 JOBS = [Family.load("shop").job(number).scenario.nominal() for number in range(2)]

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from baselines.catalogue import spec
+from leaderboard.play import Episodes, play
+from leaderboard.seeds import tuning_seeds
 from turning_env import RoughTurningVectorEnv, Scenario
-from turning_env.scoring.play import Episodes, play
-from turning_env.scoring.seeds import tuning_seeds
 
 
 @pytest.mark.parametrize("preset", ["rough_turning", "batch_casting"])

@@ -15,9 +15,9 @@ import minari
 
 from examples import publish
 from examples.offline import AGENTS, FIRST_SEED, checksum, load, main, policy, record
+from leaderboard.seeds import TUNING_START
 from turning_env import RoughTurningEnv
 from turning_env.physics.quantities import layout
-from turning_env.scoring.seeds import TUNING_START
 
 NAME = "rough_turning-mixture-v0"
 EPISODES = 4

@@ -13,7 +13,7 @@ from examples.safe_rl import CostStep
 from examples.shared import score
 from examples.stable_baselines import main
 from turning_env import FAMILY_ID, IDS, RoughTurningEnv
-from turning_env.scoring.policy import Observations
+from turning_env.policy import Observations
 
 SMALL = "--num-envs 8 --total-timesteps 2048 --rollout 512 --tuning-seeds 1"
 

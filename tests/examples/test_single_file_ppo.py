@@ -4,10 +4,10 @@ import pytest
 import torch
 
 from examples.single_file_ppo import Agent, Settings, main, train
+from leaderboard.adapt import as_factory
+from leaderboard.play import play
+from leaderboard.seeds import tuning_seeds
 from turning_env import Scenario
-from turning_env.scoring.adapt import as_factory
-from turning_env.scoring.play import play
-from turning_env.scoring.seeds import tuning_seeds
 
 
 def mean_return(agent: Agent) -> float:

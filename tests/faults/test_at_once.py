@@ -11,13 +11,13 @@ from pathlib import Path
 
 import pytest
 
-from baselines import tune as rule_tuning
 from baselines import tuned
 from leaderboard.result import Task, read_part, result_folder
 from leaderboard.trajectories import RECORDED_SEEDS, Trajectories
 from tests.leaderboard.conftest import ENV_ID, Steady, play_all, spec
 from tests.train.small import ALGORITHMS, SCENARIO, small_run
 from tests.walking import ROOT
+from train import tune_rules as rule_tuning
 from train.run import Run
 from train.training import train
 from turning_env import Scenario

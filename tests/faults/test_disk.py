@@ -12,11 +12,11 @@ from pathlib import Path
 
 import pytest
 
-from baselines import tune as rule_tuning
 from leaderboard import __main__ as board
 from tests.train.small import ALGORITHMS, SCENARIO, small_run
 from tools.soak import files, unreadable
 from train import ppo
+from train import tune_rules as rule_tuning
 from train.training import train
 
 Main = Callable[[Sequence[str]], int]
@@ -76,7 +76,7 @@ def commands(folder: Path, scenario: Path) -> dict[str, tuple[Main, list[str]]]:
     ]
     return {
         "train.ppo": (ppo.main, ["--steps", "1", "--runs", str(folder / "runs")]),
-        "baselines.tune": (
+        "train.tune_rules": (
             rule_tuning.main,
             [*search, "--out", str(folder / "tuned" / "short.json")],
         ),

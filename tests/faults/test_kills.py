@@ -40,7 +40,7 @@ def test_a_killed_program_goes_on_to_what_it_makes_undisturbed(
 
 PARENT = """
 import runpy, sys
-from turning_env.scoring.workers import processes
+from leaderboard.workers import processes
 with processes(1) as over:
     over.start("long", runpy.run_path, sys.argv[1])
     over.finished()

@@ -13,7 +13,7 @@ pytestmark = pytest.mark.slow
     ("package", "command"),
     [
         ("torch", "train.ppo --steps 1"),
-        ("optuna", "baselines.tune --trials 1"),
+        ("optuna", "train.tune_rules --trials 1"),
         (
             "matplotlib",
             "leaderboard figure --results leaderboard/results --env RoughTurning-Batch-v0",
@@ -41,7 +41,7 @@ def test_what_is_missing_is_said_in_one_line(package: str, command: str, tmp_pat
 
 def test_scoring_an_agent_without_onnxruntime_says_how_to_install_it(tmp_path: Path) -> None:
     agent = "agents/RoughTurning-Batch-v0/batch_casting/ppo-seed0.onnx"
-    code = f"import turning_env; turning_env.score('{agent}')"
+    code = f"import leaderboard; leaderboard.score('{agent}')"
     finished = python(tmp_path, "onnxruntime", "-c", code)
     last = finished.stderr.splitlines()[-1]
     assert (

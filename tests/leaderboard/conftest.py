@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from baselines.policy_spec import PolicySpec
 from leaderboard import run
+from leaderboard.play import EPISODE_FIELDS
 from leaderboard.result import Result, Task, read_file, result_folder
 from turning_env import Scenario
-from turning_env.scoring.play import EPISODE_FIELDS
-from turning_env.scoring.policy import Actions, Observations, PolicySpec
+from turning_env.policy import Actions, Observations
 
 ENV_ID = "RoughTurning-v0"
 MakeResult = Callable[..., Result]

@@ -10,18 +10,18 @@ import pytest
 import yaml
 from numpy.typing import NDArray
 
+from baselines.policy_spec import PolicySpec, ScenarioId
 from leaderboard import cards, page, policies
 from leaderboard.__main__ import main
+from leaderboard.agents import agent_file
 from leaderboard.policies import SUMS
 from leaderboard.ranking import Leaderboard
 from leaderboard.result import Result, Task, result_folder, write_result
 from leaderboard.run import Piece, attempt
 from leaderboard.standings import rank
+from tests.leaderboard.agents import onnx_agents
 from tests.leaderboard.conftest import ENV_ID, on
-from tests.train import onnx_agents
-from train.agents import agent_file
 from turning_env import Scenario
-from turning_env.scoring.policy import PolicySpec, ScenarioId
 
 pytestmark = pytest.mark.slow  # exports and plays agents
 

@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from baselines.policy_spec import ScenarioId
+from leaderboard.play import play
+from leaderboard.seeds import HELD_OUT_START, TUNING_START, held_out_seeds, tuning_seeds
 from leaderboard.trajectories import record
 from tests.leaderboard.conftest import Steady, spec
 from turning_env import RoughTurningEnv, RoughTurningVectorEnv, Scenario
-from turning_env.scoring.play import play
-from turning_env.scoring.policy import Actions, Observations, ScenarioId
-from turning_env.scoring.seeds import HELD_OUT_START, TUNING_START, held_out_seeds, tuning_seeds
+from turning_env.policy import Actions, Observations
 
 
 class Spy(Steady):

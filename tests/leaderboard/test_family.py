@@ -15,6 +15,8 @@ import pytest
 import tomli_w
 from numpy.typing import NDArray
 
+from baselines.comparators import CAUSAL, NOMINAL_OPTIMUM, NOMINAL_SHARE
+from baselines.policy_spec import PolicySpec
 from leaderboard.__main__ import main
 from leaderboard.family import KNOWN_FORMS, FamilyPlay, Forgetful, family_task
 from leaderboard.policies import named, one_named
@@ -30,16 +32,15 @@ from leaderboard.result import (
 )
 from leaderboard.run import Piece, attempt
 from leaderboard.standings import Standing, rank
+from leaderboard.statistics import Estimate, Floats
 from leaderboard.trajectories import Trajectories
+from tests.leaderboard.agents import onnx_agents
 from tests.leaderboard.conftest import play_all
-from tests.train import onnx_agents
 from tests.turning_env.test_family_env import BRIEF, BRIEF_FAMILY
 from turning_env import FAMILY_ID, Family
 from turning_env.physics.quantities import OBS
+from turning_env.policy import Actions, Observations, Policy
 from turning_env.scenario.sections import EdgeFailure
-from turning_env.scoring.comparators import CAUSAL, NOMINAL_OPTIMUM, NOMINAL_SHARE
-from turning_env.scoring.policy import Actions, Observations, Policy, PolicySpec
-from turning_env.scoring.statistics import Estimate, Floats
 
 JOBS = 16
 SPLITS = ("unseen_jobs", "unseen_machines", "unseen_materials")

@@ -5,14 +5,14 @@ from pathlib import Path
 import pytest
 
 from baselines.guided import HOLD
+from baselines.policy_spec import PolicySpec
+from leaderboard.agents import agent_file
+from leaderboard.agents.agent_file import AgentFile
 from leaderboard.information import Information, class_of, information
 from leaderboard.policies import AGENTS
 from tests.leaderboard.conftest import spec
 from train.agent_inputs import DistanceTracker
-from train.agents import agent_file
-from train.agents.agent_file import AgentFile
 from turning_env import Scenario
-from turning_env.scoring.policy import PolicySpec
 
 SCENARIO = Scenario.load("rough_turning")
 PPO = "python -m train.ppo --seed 0"

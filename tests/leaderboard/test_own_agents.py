@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from leaderboard import policies as leaderboard_policies
-from leaderboard import result
+from leaderboard import result, score
 from leaderboard.__main__ import main
 from leaderboard.ranking import read_leaderboard
 from leaderboard.result import Task, result_folder
+from leaderboard.seeds import held_out_seeds
+from tests.leaderboard.agents import onnx_agents
 from tests.leaderboard.conftest import ENV_ID, on, only, play_all
-from tests.train import onnx_agents
-from turning_env import Scenario, score
-from turning_env.scoring.seeds import held_out_seeds
+from turning_env import Scenario
 
 SHORT = onnx_agents.SCENARIO
 pytestmark = pytest.mark.slow  # plays agents in processes of their own
@@ -136,7 +136,7 @@ def test_rules_that_are_not_tuned_are_skipped(
     Scenario.model_validate({"name": "mine", "control": {"time_limit": 0.3}}).save(path)
     words[words.index("--scenario") + 1] = str(path)
     assert main([*words, "fixed_tuned", "fixed_handbook"]) == 0
-    advice = f"python -m baselines.tune --scenario '{path}'"
+    advice = f"python -m train.tune_rules --scenario '{path}'"
     assert advice in capsys.readouterr().err
     assert main([*words, "fixed_tuned"]) == 2
     assert "nothing to play" in capsys.readouterr().err

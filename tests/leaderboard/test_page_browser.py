@@ -6,13 +6,13 @@ from collections.abc import Callable
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
+from baselines.policy_spec import PolicySpec
 from leaderboard import page
 from leaderboard.ranking import Leaderboard
 from leaderboard.result import Task
 from leaderboard.standings import rank
 from leaderboard.trajectories import Trajectories, record
 from tests.leaderboard.conftest import ENV_ID, MakeResult, spec
-from turning_env.scoring.policy import PolicySpec
 
 HOSTILE = "</script><img src=x onerror=\"document.title='owned'\">'&amp;"
 BACKWARDS = "\u202eexe.gpj \u05d0\u05d1"

@@ -7,12 +7,11 @@ from pathlib import Path
 import pytest
 from distributed import LocalCluster
 
-from leaderboard import policies, run
+from baselines.policy_spec import PolicySpec
+from leaderboard import policies, run, workers
 from leaderboard.result import ResultError, Task, result_folder
+from tests.leaderboard.agents import onnx_agents
 from tests.leaderboard.conftest import ENV_ID, Steady, spec
-from tests.train import onnx_agents
-from turning_env.scoring import workers
-from turning_env.scoring.policy import PolicySpec
 
 
 def contents(folder: Path) -> dict[str, bytes]:

@@ -10,14 +10,14 @@ import pytest
 
 from leaderboard import policies, verify
 from leaderboard.__main__ import main
+from leaderboard.play import play
 from leaderboard.ranking import read_leaderboard
 from leaderboard.result import Result, result_folder
 from leaderboard.run import private_seeds
+from leaderboard.seeds import HELD_OUT_START
 from tests.leaderboard.conftest import ENV_ID, on, only
 from turning_env import Scenario
 from turning_env.files import digest_of
-from turning_env.scoring.play import play
-from turning_env.scoring.seeds import HELD_OUT_START
 
 KEY = secrets.token_hex()
 RULE = "fixed_handbook"

@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from baselines.policy_spec import PolicySpec, ScenarioId
 from leaderboard.__main__ import main
 from leaderboard.ranking import read_leaderboard
 from leaderboard.result import Task, read_part
 from leaderboard.run import PoliciesFailedError
 from leaderboard.trajectories import RECORDED_SEEDS, Trajectories
+from tests.leaderboard.agents import onnx_agents
 from tests.leaderboard.conftest import Steady, only, play_all, spec
-from tests.train import onnx_agents
 from turning_env import Scenario
-from turning_env.scoring.policy import PolicySpec, ScenarioId
 
 
 class Watched:

@@ -6,7 +6,9 @@ from typing import Any
 import pytest
 
 from baselines.catalogue import names
+from baselines.comparators import CAUSAL, NOMINAL_OPTIMUM
 from leaderboard import verify
+from leaderboard.agents import agent_file
 from leaderboard.family import KNOWN_FORMS
 from leaderboard.policies import CLAIRVOYANT, SUMS, agent_files, oracles
 from leaderboard.result import (
@@ -18,10 +20,8 @@ from leaderboard.result import (
 )
 from leaderboard.trajectories import Trajectories
 from leaderboard.verify import Selection
-from train.agents import agent_file
 from turning_env import FAMILY_ID, IDS, SPLITS, Family, Scenario
 from turning_env.scenario.family import DRAFTS, families
-from turning_env.scoring.comparators import CAUSAL, NOMINAL_OPTIMUM
 
 ROOT = Path(__file__).parents[2]
 RESULTS = ROOT / "leaderboard" / "results"
@@ -127,7 +127,7 @@ def test_every_rule_and_oracle_has_a_result(env_id: str, preset: str) -> None:
     policies = {*names(scenario), *(oracle.name for oracle in oracles(scenario))}
     missing = sorted(policies - manifest.results.keys())
     assert not missing, (
-        f"on {preset}, tune {missing} if it has parameters (python -m baselines.tune --scenario "
+        f"on {preset}, tune {missing} if it has parameters (python -m train.tune_rules --scenario "
         f"{preset} --shipped --rules ...), then play what is missing: make results"
     )
 

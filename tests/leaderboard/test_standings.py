@@ -4,16 +4,16 @@ from collections.abc import Sequence
 
 import pytest
 
+from baselines.policy_spec import PolicySpec, ScenarioId
 from leaderboard import page, table
 from leaderboard import policies as leaderboard_policies
 from leaderboard.columns import LIMITS, WORKSHOP
 from leaderboard.ranking import Leaderboard
 from leaderboard.result import Result, Task
 from leaderboard.standings import Standing, rank
+from leaderboard.statistics import Estimate
 from tests.leaderboard.conftest import ENV_ID, MakeResult, spec
 from turning_env import SPLITS, Scenario
-from turning_env.scoring.policy import PolicySpec, ScenarioId
-from turning_env.scoring.statistics import Estimate
 
 
 def standings_of(results: Sequence[Result]) -> dict[str, Standing]:

@@ -8,8 +8,8 @@ import pytest
 from leaderboard.__main__ import main
 from leaderboard.ranking import read_leaderboard
 from leaderboard.result import result_folder
+from tests.leaderboard.agents import onnx_agents
 from tests.leaderboard.conftest import ENV_ID, only
-from tests.train import onnx_agents
 
 SHORT = onnx_agents.SCENARIO
 pytestmark = pytest.mark.slow  # plays agents in processes of their own

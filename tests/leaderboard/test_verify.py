@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from baselines.comparators import CAUSAL
+from baselines.policy_spec import PolicySpec
 from leaderboard import policies, verify
 from leaderboard.__main__ import main
 from leaderboard.policies import CLAIRVOYANT
@@ -21,11 +23,9 @@ from leaderboard.result import (
 )
 from leaderboard.run import Piece, attempt
 from leaderboard.verify import Draw, Selection
+from tests.leaderboard.agents import onnx_agents
 from tests.leaderboard.conftest import ENV_ID, MakeResult, on, only, spec
-from tests.train import onnx_agents
 from turning_env import MODEL_VERSION, Scenario
-from turning_env.scoring.comparators import CAUSAL
-from turning_env.scoring.policy import PolicySpec
 
 RULE = "fixed_handbook"
 SHORT = onnx_agents.SCENARIO

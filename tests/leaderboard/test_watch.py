@@ -8,7 +8,7 @@ import tomli_w
 from PIL import Image
 
 from leaderboard.watch import main
-from tests.train import onnx_agents
+from tests.leaderboard.agents import onnx_agents
 from tests.turning_env.test_family_env import BRIEF, BRIEF_FAMILY
 from turning_env import FAMILY_ID, Scenario
 

@@ -21,11 +21,11 @@ from google.protobuf import json_format
 from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
+from leaderboard.agents import agent_file, network
+from leaderboard.agents.sandbox_child import Outline
 from leaderboard.result import Result, ResultError, ResultFile, read_part, write_part
 from leaderboard.trajectories import Trajectories
-from train.agents import agent_file, network
 from turning_env import Family, Scenario, ScenarioError
-from turning_env.scoring.sandbox_child import Outline
 
 ROOT = Path(__file__).parents[2]
 _RESULTS = ROOT / "leaderboard" / "results"

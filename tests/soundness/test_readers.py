@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from leaderboard.agents import agent_file, onnx_policy
 from tests.soundness.acting import tried
 from tests.soundness.readers import READERS, attempt, damages, small_result
-from train.agents import agent_file, onnx_policy
 from turning_env import Scenario, ScenarioError
 
 

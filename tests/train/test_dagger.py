@@ -9,10 +9,10 @@ import pytest
 import torch
 
 from baselines.self_tuning import RULES, SelfTuning
+from leaderboard.agents import onnx_policy
+from leaderboard.agents.agent_file import informed
 from tests.train.small import Interruption
 from train import dagger, export
-from train.agents import onnx_policy
-from train.agents.agent_file import informed
 from train.run import Run
 from train.training import load_agent, train
 from turning_env import FAMILY_ID, Family, FamilyVectorEnv

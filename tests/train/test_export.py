@@ -15,17 +15,17 @@ from sb3_contrib import TQC, RecurrentPPO
 from stable_baselines3 import A2C, PPO, SAC, TD3
 from stable_baselines3.common.vec_env import VecNormalize
 
-from tests.train import onnx_agents
+from leaderboard.agents import agent_file, onnx_policy
+from leaderboard.agents.agent_file import AgentFile
+from leaderboard.agents.onnx_session import OnnxPolicy, session_of
+from tests.leaderboard.agents import onnx_agents
 from tests.train.small import ALGORITHMS, small_run
 from train import export
 from train.actor import Actor, ActorPolicy
-from train.agents import agent_file, onnx_policy
-from train.agents.agent_file import AgentFile
-from train.agents.to_onnx import sb3_actor
 from train.run import Run
+from train.to_onnx import sb3_actor
 from train.training import Algorithm, load_agent, new_model
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
-from turning_env.scoring.onnx_session import OnnxPolicy, session_of
 
 SCENARIO = onnx_agents.SCENARIO
 ALGORITHM = ALGORITHMS["ppo"]

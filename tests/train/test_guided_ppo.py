@@ -5,14 +5,14 @@ import numpy as np
 import pytest
 
 from baselines.guided import HOLD
+from leaderboard.agents import onnx_policy
+from leaderboard.agents.agent_file import informed
 from tests.train.small import Interruption
 from train import export, guided_ppo
-from train.agents import onnx_policy
-from train.agents.agent_file import informed
 from train.run import Run
 from train.training import train
 from turning_env import FAMILY_ID, Family, FamilyVectorEnv, RoughTurningVectorEnv, Scenario
-from turning_env.scoring.policy import Policy
+from turning_env.policy import Policy
 
 FAMILY = Family.load("unmodelled")
 SMALL = {

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from leaderboard.family import FixedNominalOptimum
+from leaderboard.play import play_family
 from train.linear_start import nominal_optimum
 from turning_env import Family
-from turning_env.scoring.play import play_family
-from turning_env.scoring.policy import Actions, Observations, Policy
+from turning_env.policy import Actions, Observations, Policy
 
 JOBS = [0, 1, 2, 3]
 

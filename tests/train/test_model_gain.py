@@ -9,14 +9,14 @@ import torch
 from numpy.typing import NDArray
 
 from baselines.optimiser import worth
+from leaderboard.play import play
+from leaderboard.seeds import tuning_seeds
 from train.analytic_actor import ACTUAL, TargetCommands
 from train.analytic_gradient import ALGORITHM, HindsightVecEnv
 from train.model_gain import HiddenSteps, ModelGain, Truth
 from train.run import Run, hyperparameters
 from train.training import load_agent, train
 from turning_env import Scenario
-from turning_env.scoring.play import play
-from turning_env.scoring.seeds import tuning_seeds
 from turning_env.vector_env import info_at_end_of_step
 
 BASE = Scenario.load("rough_turning")

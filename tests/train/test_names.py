@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
+from leaderboard.agents import agent_file
 from tests.train.small import ALGORITHMS, small_run
 from train import dagger
 from train import run as runs
-from train.agents import agent_file
 from train.run import OLD_NAMES, Run, current_names, examples, hyperparameters, overrides
 
 AGENTS = Path(__file__).parents[2] / "agents"

@@ -8,11 +8,11 @@ import pytest
 import torch
 from gymnasium.vector import AutoresetMode
 
+from leaderboard.agents import agent_file, onnx_policy
 from tests.train.small import SCENARIO, small_run
 from tests.turning_env.playing import changed
 from train import analytic_gradient, export, ppo
 from train.agent_inputs import HiddenStateWrapper
-from train.agents import agent_file, onnx_policy
 from train.life_price import LifePriceVecEnv
 from train.training import Algorithm, train
 from turning_env import FAMILY_ID, Family, FamilyVectorEnv, RoughTurningVectorEnv

@@ -8,20 +8,21 @@ import numpy as np
 import pytest
 import torch
 
+from leaderboard import score
+from leaderboard.agents import onnx_policy
+from leaderboard.agents.agent_file import informed
+from leaderboard.play import play_family
+from leaderboard.seeds import TUNING_START
 from tests.train.small import ALGORITHMS, SCENARIO, Interruption, small_run
 from tests.turning_env.test_family_env import BRIEF
 from train import dagger, export, guided_ppo, ppo, training
 from train.actor import ActorPolicy
-from train.agents import onnx_policy
-from train.agents.agent_file import informed
 from train.run import Run, hyperparameters
 from train.terms import Terms
 from train.training import SEED_STRIDE, SEEDS, Algorithm, new_model, train
-from turning_env import FAMILY_ID, IDS, Family, RoughTurningVectorEnv, Scenario, score
+from turning_env import FAMILY_ID, IDS, Family, RoughTurningVectorEnv, Scenario
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 from turning_env.batch.driver import action_space, observation_space
-from turning_env.scoring.play import play_family
-from turning_env.scoring.seeds import TUNING_START
 
 PPO = ALGORITHMS["ppo"]
 

@@ -4,9 +4,9 @@ from typing import Any
 
 import pytest
 
-from baselines.tune import Played, Trial
 from tests.train.small import SCENARIO
 from train import tune
+from train.tune_rules import Played, Trial
 
 FAILED = Played(-math.inf, 1.0, 1.0, 0, "not finite")
 

@@ -76,7 +76,7 @@ DRAFTS = ("shop2",)
 """Families whose jobs may still change: no policy has results on them."""
 
 _FAMILIES = shipped("families")
-_SCHEMA = "python -m turning_env schema"
+_SCHEMA = "python -m turning_env show --schema"
 _RANGES = declared_ranges(Scenario)
 _STRIDE = 2654435769  # odd, so that the episodes of a seed visit every job of a split
 _MAX_ATTEMPTS = 200

@@ -91,7 +91,7 @@ ALWAYS_KNOWN = (
 Observations and actions are scaled by them.
 """
 
-_ALL_PRESETS = "python -m turning_env presets"
+_ALL_PRESETS = "python -m turning_env show"
 MAX_NAME = 64  # characters of a scenario's name
 MAX_TOML = 1_000_000  # bytes of a TOML file; those that ship have less than a tenth
 _MAX_SHOWN = 200  # characters of a value that an error quotes

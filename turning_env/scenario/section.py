@@ -97,7 +97,7 @@ class Section(BaseModel):
         known = cls.model_fields
         for key in map(str, values):
             if key not in known:
-                advice = names_instead(key, known, "python -m turning_env schema")
+                advice = names_instead(key, known, "python -m turning_env show --schema")
                 shown = key if len(key) <= MAX_KEY else f"{key[:MAX_KEY]}..."
                 yield f"unknown key {shown}; {advice}"
 

@@ -8,11 +8,11 @@ from matplotlib.figure import Figure
 from baselines.constant_force import ConstantForce
 from baselines.fixed import FixedParameters
 from baselines.models.part_program import PartProgram
+from leaderboard.seeds import tuning_seeds
 from research.papers import record
 from research.papers.figures import legend, lettered
 from turning_env import Scenario
 from turning_env.rendering import plot_style as style
-from turning_env.scoring.seeds import tuning_seeds
 
 _FREE: dict[str, Any] = {"color": style.ORANGE, "linewidth": 0.8, "linestyle": (0, (4, 1))}
 _HELD: dict[str, Any] = {"color": style.BLUE, "linewidth": 0.8}

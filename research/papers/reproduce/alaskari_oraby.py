@@ -18,6 +18,8 @@ import numpy as np
 
 from baselines.fixed import FixedParameters
 from baselines.grid_search import GridSearch
+from leaderboard.play import play
+from leaderboard.seeds import tuning_seeds
 from research.papers import rows, verification
 from research.papers.grid_search import (
     FEEDS,
@@ -41,9 +43,7 @@ from research.papers.verification import (
     VerificationTest,
 )
 from turning_env import Scenario
-from turning_env.scoring.play import play
-from turning_env.scoring.policy import PolicyFactory
-from turning_env.scoring.seeds import tuning_seeds
+from turning_env.policy import PolicyFactory
 
 
 class StatedMinute(NamedTuple):

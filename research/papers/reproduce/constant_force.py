@@ -28,11 +28,11 @@ from baselines.constant_force import (
 from baselines.fixed import FixedParameters
 from baselines.models.part_program import PartProgram
 from baselines.models.process import Process
+from leaderboard.seeds import tuning_seeds
 from research.papers import changed, record, rows
 from research.papers.reproduce.checks import Check, at_least, at_most, claim
 from turning_env import Scenario
-from turning_env.scoring.policy import Policy
-from turning_env.scoring.seeds import tuning_seeds
+from turning_env.policy import Policy
 
 NUM_SEEDS = 8
 SHOWN = (1, 3)  # the simulations that the text shows

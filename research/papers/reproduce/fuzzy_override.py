@@ -22,7 +22,7 @@ from baselines.models.part_program import PartProgram
 from research.papers.reproduce.checks import Check, at_least, at_most, claim, table
 from research.papers.stepped_bar import RIPPLE, STEPS, Trajectory, play_bar, stepped_bar
 from turning_env import Scenario
-from turning_env.scoring.policy import Policy
+from turning_env.policy import Policy
 
 FORMS = {"first form": FIRST_FORM, "modified form": MODIFIED_FORM}
 TARGET = 0.6  # M_z of the paper's test [-]

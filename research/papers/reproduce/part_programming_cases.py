@@ -31,13 +31,13 @@ from tqdm import tqdm
 from baselines.models.process import ALIKE, Limit, Process
 from baselines.part_planning import RuledParts
 from baselines.two_limits import ECONOMIC_OPTIMUM, AdaptiveRule
+from leaderboard.play import play
+from leaderboard.seeds import tuning_seeds
 from research.papers import changed
 from research.papers.reproduce.checks import Check, at_most, claim, table
 from turning_env import PowerLaw, Scenario
 from turning_env.console import described, exits
-from turning_env.scoring.play import play
-from turning_env.scoring.policy import PolicyFactory
-from turning_env.scoring.seeds import tuning_seeds
+from turning_env.policy import PolicyFactory
 
 
 class ForceLimits(NamedTuple):

@@ -27,6 +27,8 @@ from numpy.typing import NDArray
 from baselines.current_limit import CUTOFF, WINDOW, CurrentLimit, ForceEstimator
 from baselines.fixed import FixedParameters
 from baselines.models.part_program import PartProgram
+from leaderboard.play import play
+from leaderboard.seeds import tuning_seeds
 from research.papers import changed, record
 from research.papers.phase_current import CurrentReport, analyse
 from research.papers.reproduce.checks import Check, at_least, at_most, claim, table
@@ -34,9 +36,7 @@ from research.papers.stepped_bar import NO_SPREADS
 from turning_env import Scenario, read
 from turning_env.physics.drives import force_from_current, steady_current
 from turning_env.physics.records import parameter_records
-from turning_env.scoring.play import play
-from turning_env.scoring.policy import PolicyFactory
-from turning_env.scoring.seeds import tuning_seeds
+from turning_env.policy import PolicyFactory
 
 NUM_SEEDS = 8
 # Time after which the programmed feed has entered the bar and the estimates have settled [s].

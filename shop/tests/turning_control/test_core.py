@@ -16,7 +16,7 @@ from turning_control.shield import PATIENCE, Shield
 
 from turning_env import Scenario
 from turning_env.physics.quantities import action_size
-from turning_env.scoring.policy import Actions, Observations, Policy
+from turning_env.policy import Actions, Observations, Policy
 
 STEADY = Readings(
     spindle_speed=400.0,

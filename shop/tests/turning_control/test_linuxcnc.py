@@ -23,7 +23,7 @@ from turning_control.plant import Plant
 
 from tests.programs import LINUXCNC_ALONE, NO_LINUXCNC
 from turning_env import Scenario
-from turning_env.scoring.policy import Actions, Observations
+from turning_env.policy import Actions, Observations
 
 BRIDGE = Path(linuxcnc.__file__).parent / "lathe" / "hal_bridge.py"
 PLAN = {

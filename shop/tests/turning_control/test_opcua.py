@@ -17,11 +17,11 @@ from turning_control.__main__ import main
 from turning_control.core import Controller, Status
 from turning_control.opcua_security import PASSWORD, Security
 
+from leaderboard.adapt import as_factory
 from tests.walking import until
 from turning_env import Scenario
 from turning_env.console import UserError
-from turning_env.scoring.adapt import as_factory
-from turning_env.scoring.policy import PolicyFactory
+from turning_env.policy import PolicyFactory
 
 STEADY = {
     "spindle_speed": 400.0,

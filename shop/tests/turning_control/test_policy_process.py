@@ -11,7 +11,7 @@ from turning_control.policy_process import PolicyEndedError, in_own_process
 from turning_control.shield import PATIENCE, Shield
 
 from turning_env import Scenario
-from turning_env.scoring.policy import Observations, Policy
+from turning_env.policy import Observations, Policy
 from turning_env.vector_env import RoughTurningVectorEnv
 
 POLICIES = """

@@ -17,12 +17,12 @@ from turning_control.adversary import (
 from turning_control.measure import UniformRandom, play_guarded, rows
 from turning_control.shield import PATIENCE, Settings, Shield
 
+from leaderboard.play import Episodes, play
+from leaderboard.seeds import tuning_seeds
 from turning_env import Scenario, read
 from turning_env.action import commanded
 from turning_env.physics.quantities import action_size
-from turning_env.scoring.play import Episodes, play
-from turning_env.scoring.policy import Actions, Observations, Policy
-from turning_env.scoring.seeds import tuning_seeds
+from turning_env.policy import Actions, Observations, Policy
 from turning_env.vector_env import RoughTurningVectorEnv
 
 

@@ -16,11 +16,11 @@ from turning_shop.prediction import Evidence
 from turning_shop.provenance import load
 from turning_shop.whatif import what_if
 
+from leaderboard.adapt import as_factory
+from leaderboard.play import play
 from turning_env import Scenario
 from turning_env.__main__ import main
 from turning_env.scenario import ScenarioError
-from turning_env.scoring.adapt import as_factory
-from turning_env.scoring.play import play
 
 ROOT = Path(__file__).parents[3]
 EVEN = {

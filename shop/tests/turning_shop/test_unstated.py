@@ -20,12 +20,12 @@ from turning_shop.prediction import Evidence
 from turning_shop.provenance import BARS_VARY, load
 from turning_shop.whatif import NO_LIMIT, what_if
 
+from leaderboard.adapt import as_factory
+from leaderboard.play import play
 from shop.tests.turning_shop.sheets import wear_curves
 from turning_env import Scenario
 from turning_env.__main__ import main
 from turning_env.scenario import ScenarioError
-from turning_env.scoring.adapt import as_factory
-from turning_env.scoring.play import play
 
 MACHINE = """
 base = "rough_turning"

@@ -3,10 +3,10 @@ import pytest
 from baselines.oracles import clairvoyant
 from baselines.oracles.clairvoyant import TOLERANCE, Grid, bounds, covers
 from baselines.oracles.perfect_state import PerfectState
+from leaderboard.play import play
+from leaderboard.seeds import tuning_seeds
 from tests.turning_env.playing import changed
 from turning_env import Scenario
-from turning_env.scoring.play import play
-from turning_env.scoring.seeds import tuning_seeds
 
 BASE = Scenario.load("rough_turning")
 # Force and power grow from that of a fresh edge, which needs no wear.

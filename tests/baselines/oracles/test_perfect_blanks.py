@@ -3,11 +3,11 @@ import pytest
 
 from baselines import catalogue
 from baselines.oracles import perfect_blanks
-from baselines.oracles.perfect_blanks import covers, play_blanks
+from baselines.oracles.perfect_blanks import PerfectBlanks, covers
+from leaderboard.play import play
+from leaderboard.seeds import tuning_seeds
 from tests.turning_env.playing import changed
 from turning_env import Scenario
-from turning_env.scoring.play import play
-from turning_env.scoring.seeds import tuning_seeds
 
 BATCH = Scenario.load("batch_casting")
 SEEDS = tuning_seeds(4)
@@ -16,7 +16,7 @@ SEEDS = tuning_seeds(4)
 def test_knowing_the_blanks_is_worth_more_than_probing_them() -> None:
     brief = changed(BATCH, workpiece={"bars": 5})
     probed = play(catalogue.spec("parts_mt", brief, tuned_on=BATCH).make, brief, SEEDS)
-    known = play_blanks(brief, SEEDS, lambda ended: None)
+    known = play(lambda num_envs: PerfectBlanks(brief, SEEDS), brief, SEEDS, tell=True)
     assert (known["return"] > probed["return"]).all()
 
 
@@ -35,7 +35,7 @@ def test_a_plan_costs_what_the_lathe_charges(monkeypatch: pytest.MonkeyPatch) ->
         return plans[-1]
 
     monkeypatch.setattr(perfect_blanks, "best_plan", noted)
-    episodes = play_blanks(brief, SEEDS, lambda ended: None)
+    episodes = play(lambda num_envs: PerfectBlanks(brief, SEEDS), brief, SEEDS, tell=True)
     planned = 60.0 * np.array([plan.cost for plan in plans[: len(SEEDS)]])
     charged = episodes["reward_metal"] - episodes["return"]
     assert planned == pytest.approx(charged, rel=0.02)

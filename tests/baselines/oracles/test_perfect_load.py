@@ -2,10 +2,10 @@ import pytest
 
 from baselines import catalogue
 from baselines.oracles.perfect_load import PerfectLoad, covers
+from leaderboard.play import play
+from leaderboard.seeds import tuning_seeds
 from tests.turning_env.playing import changed
 from turning_env import Scenario
-from turning_env.scoring.play import play
-from turning_env.scoring.seeds import tuning_seeds
 
 OVERRIDE = Scenario.load("override")
 SURFACE = Scenario.load("surface")

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from baselines.oracles import clairvoyant
+from leaderboard.seeds import tuning_seeds
 from research.studies import belief_bound, headroom
 from turning_env import Scenario
-from turning_env.scoring.seeds import tuning_seeds
 
 SCENARIO = Scenario.load("rough_turning")
 

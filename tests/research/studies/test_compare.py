@@ -5,6 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from leaderboard.play import EPISODE_FIELDS
+from leaderboard.statistics import Floats
 from research.studies.compare import (
     STUDIES,
     Played,
@@ -16,8 +18,6 @@ from research.studies.compare import (
 )
 from tests.train.small import PARAMETERS
 from turning_env import Family, Scenario
-from turning_env.scoring.play import EPISODE_FIELDS
-from turning_env.scoring.statistics import Floats
 
 SMALL = PARAMETERS["ppo"] | {"total_timesteps": 600, "n_steps": 32, "batch_size": 64}
 SETTINGS = ", ".join(f"{key} = {value}" for key, value in SMALL.items())

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
 
+from leaderboard.play import play
+from leaderboard.statistics import feasibility, severe_share
 from tests.turning_env.playing import UNDISTURBED, changed, infos
 from turning_env import RoughTurningVectorEnv, Scenario
-from turning_env.scoring.play import play
-from turning_env.scoring.statistics import feasibility, severe_share
 from turning_env.vector_env import info_at_end_of_step
 
 ACTION = [[0.0, 0.0]]

@@ -5,8 +5,8 @@ from typing import Any
 import pytest
 
 from baselines.fixed import FixedParameters
+from leaderboard.play import Episodes, play
 from tests.turning_env.playing import UNDISTURBED, changed
-from turning_env.scoring.play import Episodes, play
 
 TANGLE_RATE = 0.5
 WINDOW = {

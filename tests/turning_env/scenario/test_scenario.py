@@ -64,7 +64,7 @@ def test_a_nominal_model_cannot_have_other_observations_than_its_scenario():
 REFUSED = {
     "unknown section": (
         "[quux]\n",
-        ["mine.toml: unknown key quux; list all with: python -m turning_env schema"],
+        ["mine.toml: unknown key quux; list all with: python -m turning_env show --schema"],
     ),
     "unknown field": (
         "[tool]\nwear_criterium = 1\n",

@@ -1,0 +1,818 @@
+"""Rank policies on the same held-out seeds.
+
+    python -m leaderboard run --seeds 16 --policies fixed_tuned predictive
+    python -m leaderboard show --results leaderboard/results
+
+``python -m leaderboard COMMAND --help`` explains a command, with an example.
+"""
+
+import argparse
+import re
+import shlex
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from baselines.policy_spec import PolicySpec
+from leaderboard import game, pack, policies, run, score_command, table, validation, verify
+from leaderboard.agents.agent_file import NAME
+from leaderboard.family import family_task
+from leaderboard.ranking import Leaderboard, read_leaderboard, read_leaderboards
+from leaderboard.result import (
+    MANIFEST_FILE,
+    RESULTS,
+    ResultError,
+    Task,
+    result_folder,
+    shipped_seeds,
+    start_results,
+    write_whole,
+)
+from leaderboard.seeds import held_out_seeds
+from leaderboard.workers import WorkersError, workers
+from turning_env import ALL_IDS, FAMILY_ID, IDS, SPLITS, Family, Scenario, ScenarioError
+from turning_env.console import (
+    DONE,
+    FAILED,
+    Parser,
+    UserError,
+    described,
+    exits,
+    positive,
+    print_json,
+    printable,
+    whole_number,
+)
+from turning_env.files import digest_of
+from turning_env.scenario.arguments import environment_id, refuse_family
+
+PAGE = "index.html"
+PICTURE = Path("docs/leaderboard.png")
+MEMORY = Path("results/verified.json")
+OWN_RESULTS = Path("results")  # folder that a user's runs write to
+PROJECT_RESULTS = Path("leaderboard/results")
+SPLITS_ENV_ID = "RoughTurning-v0"  # the id that has splits
+DEFAULT_SEEDS = 256  # number of seeds where no results come with the project
+
+Command = Callable[[argparse.Namespace], int | None]
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; return the exit status."""
+    options = _parser().parse_args(arguments)
+    command: Command = options.command
+
+    @exits(
+        ResultError,
+        ScenarioError,
+        WorkersError,
+        interrupted="interrupted: finished results are kept; run the same command again to go on",
+        checks=command is _verify,
+    )
+    def run_command() -> int:
+        return command(options) or DONE
+
+    return run_command()
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = Parser(prog="python -m leaderboard", **described(__doc__))
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+
+    def add(command: Command, brief: str) -> argparse.ArgumentParser:
+        name = command.__name__.removeprefix("_")
+        added: argparse.ArgumentParser = commands.add_parser(
+            name, help=brief, **described(command.__doc__)
+        )
+        added.set_defaults(command=command)
+        return added
+
+    _add_run_options(add(_run, "play policies, print the ranking and write the page"))
+    score_command.add_to(commands)
+    _add_show_options(add(_show, "print the ranking"))
+    _add_page_options(add(_page, "write all rankings as one HTML file"))
+    _add_pack_options(add(_pack, "move the results of each leaderboard into one file"))
+    _add_verify_options(add(_verify, "play results again; fail if any differs"))
+    game.add_to(commands)
+    _add_cards_options(add(_cards, "write the model card of every agent"))
+    _add_figure_options(add(_figure, "draw the ranking for print"))
+    return parser
+
+
+def _run(options: argparse.Namespace) -> None:
+    """Play policies on held-out seeds, print the ranking and write the page. Existing results stay.
+
+    Results of agents are named after their files: team1.onnx, or team1-seed3.onnx for one of
+    several training seeds. An agent that is refused or fails stops no other: the command lists the
+    reasons and ends with status 2.
+
+    An empty folder starts with the results that come with the project, if they are of the same
+    scenario and seeds. On RoughTurning-Family-v0, each seed is a job; controllers are built from
+    each job's nominal model.
+
+    python -m leaderboard run --seeds 16 --policies fixed_tuned predictive --jobs 2
+    python -m leaderboard run --policy my_module:MyPolicy
+    python -m leaderboard run --agents my-agents/ppo.onnx --private-key KEY --results private
+    python -m leaderboard run --env RoughTurning-Family-v0 --policies self_tuning --knows true_laws
+    """
+    if options.seeds is None:
+        options.seeds = held_out_seeds(_default_seeds(options))
+    tasks = _tasks(options)
+    refused = policies.Refusals()
+    runs = []
+    # Load all policies first: errors are found before anything is played.
+    for task in tasks:
+        # Controllers play splits as they are tuned for the scenario itself.
+        tuned_on = None if task is tasks[0] else tasks[0].scenario
+        runs.append(_task_run(options, task, tuned_on, refused=refused))
+    failed = list(refused.values())
+    for reason in failed:
+        # The others play for minutes, and whoever mistyped a path need not wait for them.
+        print(f"left out: {reason}", file=sys.stderr, flush=True)
+    with workers(options.jobs, options.scheduler) as over:
+        for task_run in runs:
+            start_results(task_run.folder, task_run.task)
+        try:
+            run.play_all(runs, options.fresh, over, replace=options.replace)
+        except run.PoliciesFailedError as error:
+            failed += error.reasons
+    try:
+        ranked_tasks = {task_run.folder: task_run.task for task_run in runs}
+        leaderboards = read_leaderboards(options.results, ranked_tasks)
+    except ResultError as error:
+        # That there are no results follows from the failures, so these are the message.
+        raise ResultError(_failures(failed or [error])) from None
+    _report(leaderboards, runs, options)
+    if failed:
+        raise ResultError(_failures(failed))
+
+
+def _add_run_options(parser: argparse.ArgumentParser) -> None:
+    _add_results(parser)
+    _add_json(parser)
+    _add_workers(parser)
+    add = parser.add_argument
+    add(
+        "--agents",
+        nargs="*",
+        type=Path,
+        default=[],
+        metavar="AGENT",
+        help="ONNX files, which train.export makes of training runs",
+    )
+    add(
+        "--env",
+        type=environment_id,
+        choices=ALL_IDS,
+        default=SPLITS_ENV_ID,
+        help=f"the environment's id (default: {SPLITS_ENV_ID})",
+    )
+    add("--scenario", metavar="PRESET_OR_TOML", help="scenario or family instead of the id's own")
+    add(
+        "--seeds",
+        type=_seeds,
+        metavar="SEEDS",
+        help="number of held-out seeds, or jobs (default: those of the results that come with the "
+        f"project, else {DEFAULT_SEEDS})",
+    )
+    add(
+        "--private-key",
+        type=_private_key,
+        metavar="KEY",
+        help="16 characters or more that determine other seeds, and other jobs of a family; give "
+        "these --results of their own",
+    )
+    add(
+        "--policies",
+        nargs="*",
+        metavar="NAME",
+        help="rule-based controllers (default: all that are tuned for the scenario)",
+    )
+    add(
+        "--policy",
+        type=_like(
+            r"[\w.]+:[\w.]+",
+            "MODULE:OBJECT, such as my_module:MyPolicy; --agents takes ONNX files",
+        ),
+        metavar="MODULE:OBJECT",
+        help="a policy of your own code, such as my_module:MyPolicy; played again each time",
+    )
+    add(
+        "--name",
+        type=_like(NAME, "a name of at most 128 letters, digits, _, . and -"),
+        help="name of your own agents or policy (default: that of the file or object, after my_ if "
+        "a policy of the project has it)",
+    )
+    add(
+        "--keep-names",
+        action="store_true",
+        help="let agents take the names of those that come with the project",
+    )
+    add(
+        "--agent-time",
+        type=positive,
+        metavar="SECONDS",
+        help="processor time [s] that an agent's file may use for all seeds; a slower one is "
+        "skipped (default: 600)",
+    )
+    add(
+        "--splits",
+        action="store_true",
+        help=f"also play the splits: of {SPLITS_ENV_ID} {', '.join(SPLITS)}; of a family all "
+        "held-out jobs",
+    )
+    add(
+        "--split-seeds",
+        type=_seeds,
+        default="32",
+        metavar="SEEDS",
+        help="number of held-out seeds on each split (default: 32)",
+    )
+    add("--fresh", action="store_true", help="play again, even if results exist")
+    add(
+        "--replace",
+        action="store_true",
+        help="let a policy replace the result of another file, or of other code, with the same "
+        "name (default: refuse it)",
+    )
+    add("--split", metavar="NAME", help="split of a family (default: unseen_jobs)")
+    add(
+        "--knows",
+        choices=("nominal", "true_wear", "true_forms", "true_laws"),
+        default="nominal",
+        help="model from which controllers of a family are built: nominal models, or these with "
+        "the true wear law, true forms or all true laws",
+    )
+    add(
+        "--forgets",
+        action="store_true",
+        help="policies of a family forget everything at each change of the edge",
+    )
+
+
+def _default_seeds(options: argparse.Namespace) -> int:
+    """Return the number of seeds on which a policy ranks among those that come with the project."""
+    if options.env == FAMILY_ID:
+        return DEFAULT_SEEDS
+    return shipped_seeds(options.env, _scenario(options).name) or DEFAULT_SEEDS
+
+
+def _tasks(options: argparse.Namespace) -> list[Task]:
+    """Return the tasks to play, on public seeds.
+
+    Jobs of a family are those of the private key, if there is one.
+    """
+    if options.env == FAMILY_ID:
+        return _family_tasks(options)
+    if options.split or options.forgets or options.knows != "nominal":
+        raise ResultError(
+            f"--split, --knows and --forgets are of {FAMILY_ID}, not of {options.env}"
+        )
+    task = Task(env_id=options.env, scenario=_scenario(options), seeds=options.seeds)
+    if not options.splits:
+        return [task]
+    if options.env != SPLITS_ENV_ID:
+        raise ResultError(
+            f"there are no splits of {options.env}, only of {SPLITS_ENV_ID} and {FAMILY_ID}"
+        )
+    tasks = [task]
+    for name in SPLITS:
+        changes = {"scenario": Scenario.load(name), "seeds": options.split_seeds}
+        tasks.append(task.model_copy(update=changes))
+    return tasks
+
+
+def _family_tasks(options: argparse.Namespace) -> list[Task]:
+    """Return the tasks on a family to play: that on the given split, and those on all others."""
+    family = Family.load(options.scenario or "shop")
+    if options.private_key:
+        # The key determines the jobs of all splits but the training jobs.
+        values = family.model_dump(exclude_none=True) | {"held_out_key": options.private_key}
+        family = Family.load(values)
+    num_jobs = len(options.seeds)
+    tasks = [family_task(family, options.split, num_jobs)]
+    if options.splits:
+        for split in family.splits:
+            if split in ("train", "validation"):
+                continue
+            task = family_task(family, split, num_jobs)
+            # The first task may be one of them.
+            if task.digest != tasks[0].digest:
+                tasks.append(task)
+    return tasks
+
+
+def _task_run(
+    options: argparse.Namespace,
+    task: Task,
+    tuned_on: Scenario | None,
+    refused: policies.Refusals,
+) -> run.TaskRun:
+    """Load the policies that play a task; add agents that cannot to ``refused``."""
+    private = None
+    if options.private_key:
+        private = run.private_seeds(options.private_key, len(task.seeds))
+        # The task names the seeds by their places and their digest.
+        changes = {"seeds": list(range(len(private))), "private": digest_of(private)}
+        task = task.model_copy(update=changes)
+    agents = policies.agents(
+        options.agents,
+        task,
+        name=options.name,
+        keep=options.keep_names,
+        seconds=options.agent_time,
+        refused=refused,
+        forgets=options.forgets,
+    )
+    code_policies = []
+    if options.policy:
+        policy = policies.policy_of_code(options.policy, task, options.name)
+        if policy.label in {agent.label for agent in agents}:
+            raise ResultError(
+                f"{options.policy} and an agent's file are both called {policy.label}: "
+                "rename the file"
+            )
+        code_policies.append(policy)
+    controllers = policies.named(
+        options.policies,
+        task,
+        tuned_on=tuned_on,
+        skip=True,
+        knows=options.knows,
+        forgets=options.forgets,
+    )
+    chosen: list[PolicySpec] = [*controllers, *agents, *code_policies]
+    if not chosen:
+        advice = "name a policy that is tuned for the scenario, or give an agent"
+        nothing = ResultError(f"nothing to play: {advice}")
+        raise ResultError(_failures(list(refused.values()) or [nothing]))
+    folder = result_folder(options.results, task.env_id, task.scenario.name)
+    return run.TaskRun(task, chosen, folder=folder, private=private)
+
+
+def _report(
+    leaderboards: Sequence[Leaderboard],
+    runs: Sequence[run.TaskRun],
+    options: argparse.Namespace,
+) -> None:
+    """Print the rankings that were played and write the page of all.
+
+    The last lines say where the agents stand, what prints all numbers, and where the page is.
+    """
+    digests = {task_run.task.digest for task_run in runs}
+    played = [leaderboard for leaderboard in leaderboards if leaderboard.task.digest in digests]
+    if options.json:
+        print_json(table.as_data(played))
+    else:
+        _print_tables(played, table.ranking_table)
+    _notify_left_out(played)
+    path = options.results / PAGE
+    _write_page(leaderboards, path)
+    notes = sys.stderr if options.json else sys.stdout
+    labels = {policy.label for task_run in runs for policy in task_run.policies}
+    for leaderboard in played:
+        lines = table.agent_places(leaderboard, labels) + table.same_returns(leaderboard, labels)
+        for line in lines:
+            print(line, file=notes)
+    print(f"all numbers: {_show_command(options.results, played)}", file=notes)
+    print(f"wrote {path}", file=notes)
+
+
+def _show_command(results: Path, leaderboards: Sequence[Leaderboard]) -> str:
+    """Return the command that prints all numbers of leaderboards."""
+    words = ["python", "-m", "leaderboard", "show", "--results", str(results)]
+    if len(leaderboards) == 1:
+        task = leaderboards[0].task
+        words += ["--env", task.env_id, "--scenario", task.scenario.name]
+    else:
+        words.append("--all")
+    return shlex.join(words)
+
+
+def _failures(reasons: Sequence[ResultError]) -> str:
+    """Return the reason why a policy did not play, or a list of several."""
+    if len(reasons) == 1:
+        return str(reasons[0])
+    lines = [f"- {reason}" for reason in reasons]
+    return "\n".join([f"{len(reasons)} reasons:", *lines])
+
+
+def _show(options: argparse.Namespace) -> None:
+    """Print the ranking of one environment on one scenario: the first that there is.
+
+    With --env it is the first of that id, and with --all every ranking is printed.
+
+    python -m leaderboard show --results leaderboard/results
+    python -m leaderboard show --results leaderboard/results --all --json
+    python -m leaderboard show --results leaderboard/results --markdown mean_return overload_share
+    python -m leaderboard show --results leaderboard/results --aggregate
+    """
+    if options.aggregate:
+        print(_aggregated(options))
+        return
+    if options.policies and options.markdown is None:
+        raise UserError("--policies chooses rows of --markdown and --aggregate: add one of them")
+    leaderboards = read_leaderboards(
+        options.results,
+        env_id=options.env,
+        scenarios=options.scenario,
+        max_count=None if options.all else 1,
+    )
+    if options.markdown is not None:
+        print(table.selection(leaderboards, options.markdown, options.policies))
+        return
+    if options.json:
+        print_json(table.as_data(leaderboards))
+    else:
+        _print_tables(leaderboards, table.render)
+    _notify_left_out(leaderboards)
+    if not options.all and len(_result_folders(options.results)) > 1:
+        print("--all prints the other leaderboards", file=sys.stderr)
+
+
+def _aggregated(options: argparse.Namespace) -> str:
+    """Return the tables of scores over the tasks."""
+    from leaderboard import aggregate  # needed only here
+
+    tasks = aggregate.read(options.results)
+    tables = []
+    if options.aggregate in ("tasks", "both"):
+        tables.append(aggregate.by_task(tasks))
+    if options.aggregate in ("means", "both"):
+        tables.append(aggregate.over_tasks(tasks, options.policies, over=options.over))
+    if options.markdown is not None:
+        return "\n\n".join([table.markdown(rows) for rows in tables])
+    texts = []
+    for rows in tables:
+        texts.append(table.aligned([list(rows[0]), *[list(row.values()) for row in rows]]))
+    return "\n\n".join(texts)
+
+
+def _add_show_options(parser: argparse.ArgumentParser) -> None:
+    _add_results(parser)
+    _add_json(parser)
+    add = parser.add_argument
+    add(
+        "--env",
+        type=environment_id,
+        choices=ALL_IDS,
+        help=f"the environment's id (default: {SPLITS_ENV_ID}, if it has results)",
+    )
+    add(
+        "--scenario",
+        nargs="+",
+        default=[],
+        metavar="NAME",
+        help="names of scenarios (default: the id's own) or families, perhaps with a split, such "
+        "as shop-unseen_jobs",
+    )
+    add(
+        "--all",
+        action="store_true",
+        help="print all rankings, of all ids and scenarios unless one is named",
+    )
+    add(
+        "--markdown",
+        nargs="*",
+        choices=table.COLUMNS,
+        metavar="NUMBER",
+        help="print one Markdown table of these numbers, as --json calls them; without any, of "
+        "full costs over splits",
+    )
+    add(
+        "--policies",
+        nargs="+",
+        default=[],
+        metavar="NAME",
+        help="policies in that table (default: all)",
+    )
+    add(
+        "--aggregate",
+        nargs="?",
+        const="both",
+        choices=("tasks", "means", "both"),
+        help="print scores over the tasks: the best policies of each task, means over tasks, or "
+        "both (default: both); 0 is the best fixed speed and feed, 100 the oracle of the state; "
+        "--policies adds rows to the means",
+    )
+    add(
+        "--over",
+        default="best rule",
+        metavar="NAME",
+        help="row of the means with which the others are compared (default: %(default)s)",
+    )
+
+
+def _page(options: argparse.Namespace) -> None:
+    """Write all rankings as one HTML file.
+
+    python -m leaderboard page --results leaderboard/results --out page.html
+    """
+    path = options.out or options.results / PAGE
+    _write_page(read_leaderboards(options.results), path)
+    print(f"wrote {path}")
+
+
+def _add_page_options(parser: argparse.ArgumentParser) -> None:
+    _add_results(parser)
+    parser.add_argument(
+        "--out", type=Path, metavar="FILE", help="page to write (default: RESULTS/index.html)"
+    )
+
+
+def _pack(options: argparse.Namespace) -> None:
+    """Move the results of each leaderboard into one file, and copy the returns into the wheel.
+
+    ``leaderboard.score`` compares a policy with the returns in the wheel.
+
+    python -m leaderboard pack --results results
+    python -m leaderboard pack --without lagrangian_ppo
+    python -m leaderboard pack --validation
+    """
+    folders = _result_folders(options.results)
+    if not folders:
+        raise ResultError(f"{options.results} holds no results")
+    for folder in folders:
+        if pack.pack(folder, options.without):
+            print(f"packed {folder}")
+    if options.results.resolve() == RESULTS:
+        for path in pack.write_shipped(pack.contents(RESULTS)):
+            print(f"wrote {path}")
+        if options.validation:
+            for path in validation.write(RESULTS):
+                print(f"wrote {path}", flush=True)
+
+
+def _add_pack_options(parser: argparse.ArgumentParser) -> None:
+    _add_project_results(parser)
+    parser.add_argument(
+        "--without",
+        nargs="+",
+        default=[],
+        metavar="NAME",
+        help="policies whose results are deleted",
+    )
+    parser.add_argument(
+        "--validation",
+        action="store_true",
+        help="also play what score compares with on validation seeds, for minutes, and copy that",
+    )
+
+
+def _verify(options: argparse.Namespace) -> int:
+    """Play results again. The exit status is 1 if a number differs. ``--check`` plays nothing.
+
+    ``--seeds`` draws some seeds of each result afresh, so that nobody knows beforehand which are
+    played. ``--draw`` repeats a draw.
+
+    python -m leaderboard verify --check
+    python -m leaderboard verify --seeds 4 --jobs 2
+    python -m leaderboard verify --env RoughTurning-Surface-v1 --jobs 2
+    """
+    selection = verify.Selection(options.env, options.scenario, policies=options.policies)
+    if options.check:
+        complaints = verify.check(options.results, options.agents, selection)
+        passed = "every result is valid"
+    else:
+        draw = _draw(options)
+        complaints = _replay(options, selection, draw)
+        passed = "every result came back"
+        if draw is not None:
+            passed = "the drawn seeds of every result came back"
+    for complaint in complaints:
+        print(printable(complaint))
+    print(f"{len(complaints)} complaints" if complaints else passed)
+    return FAILED if complaints else DONE
+
+
+def _draw(options: argparse.Namespace) -> verify.Draw | None:
+    """Return the draw of the seeds to play, and print its key; None: all seeds."""
+    if options.seeds is None:
+        if options.draw is not None:
+            raise UserError("--draw repeats a draw of --seeds N: add --seeds")
+        return None
+    if options.draw is not None:
+        return verify.Draw(options.seeds, options.draw)
+    draw = verify.Draw.fresh(options.seeds)
+    print(f"--seeds {draw.seeds} --draw {draw.key} draws the same seeds again", file=sys.stderr)
+    return draw
+
+
+def _replay(
+    options: argparse.Namespace, selection: verify.Selection, draw: verify.Draw | None
+) -> list[str]:
+    """Play results again and return the complaints."""
+    if options.fresh:
+        options.memory.unlink(missing_ok=True)
+    with workers(options.jobs, options.scheduler) as over:
+        return verify.verify(
+            options.results,
+            options.agents,
+            selection=selection,
+            memory=options.memory,
+            draw=draw,
+            over=over,
+        )
+
+
+def _add_verify_options(parser: argparse.ArgumentParser) -> None:
+    _add_project_results(parser)
+    _add_agents_folder(parser)
+    _add_workers(parser)
+    add = parser.add_argument
+    add("--env", type=environment_id, choices=ALL_IDS, help="only results of this id")
+    add("--scenario", metavar="NAME", help="only results on this scenario")
+    add("--policies", nargs="+", metavar="NAME", help="only results of these policies")
+    add(
+        "--seeds",
+        type=positive,
+        metavar="N",
+        help="play only N seeds of each result, drawn afresh",
+    )
+    add(
+        "--draw",
+        type=positive,
+        metavar="KEY",
+        help="with --seeds: repeat the draw of this key, which it has printed",
+    )
+    add(
+        "--check",
+        action="store_true",
+        help="play nothing: compare versions, scenario values, parameters and agents' files",
+    )
+    add(
+        "--fresh",
+        action="store_true",
+        help="also play again what was verified before an interruption",
+    )
+    add(
+        "--memory",
+        type=Path,
+        default=MEMORY,
+        metavar="FILE",
+        help="file of the results verified so far, so that the same command resumes (default: "
+        "%(default)s)",
+    )
+
+
+def _cards(options: argparse.Namespace) -> None:
+    """Write the model card of every agent in the agents' folder.
+
+    python -m leaderboard cards --results leaderboard/results --agents agents
+    """
+    from leaderboard import cards  # needed only here: imports Jinja2 and ONNX
+
+    for path in cards.write_all(options.results, options.agents):
+        print(f"wrote {path}")
+
+
+def _add_cards_options(parser: argparse.ArgumentParser) -> None:
+    _add_project_results(parser)
+    _add_agents_folder(parser)
+
+
+def _figure(options: argparse.Namespace) -> None:
+    """Draw the ranking for print, or scores over the tasks.
+
+    python -m leaderboard figure --results leaderboard/results --out docs/leaderboard.png
+    python -m leaderboard figure --aggregate --results leaderboard/results --out scores.png
+    """
+    from leaderboard import aggregate, figure  # needed only here: imports Matplotlib
+
+    if options.aggregate:
+        figure.write_scores(aggregate.read(options.results), options.out)
+        print(f"wrote {options.out}")
+        return
+    folder = result_folder(options.results, options.env, _scenario(options).name)
+    figure.write(read_leaderboard(folder), options.out)
+    print(f"wrote {options.out}")
+
+
+def _add_figure_options(parser: argparse.ArgumentParser) -> None:
+    _add_results(parser)
+    add = parser.add_argument
+    add(
+        "--env",
+        type=environment_id,
+        choices=IDS,
+        default=SPLITS_ENV_ID,
+        help="the environment's id (default: %(default)s)",
+    )
+    add("--scenario", metavar="PRESET_OR_TOML", help="scenario instead of the id's own")
+    add("--aggregate", action="store_true", help="draw scores over the tasks instead")
+    add(
+        "--out",
+        type=Path,
+        default=PICTURE,
+        help="picture to write (default: %(default)s)",
+    )
+
+
+def _scenario(options: argparse.Namespace) -> Scenario:
+    refuse_family(options.scenario)
+    return Scenario.load(options.scenario or IDS[options.env])
+
+
+def _result_folders(results: Path) -> list[Path]:
+    """Return the folders of results that have a manifest."""
+    return sorted(path.parent for path in results.glob(f"*/*/{MANIFEST_FILE}"))
+
+
+def _print_tables(
+    leaderboards: Sequence[Leaderboard], text_of: Callable[[Leaderboard], str]
+) -> None:
+    """Print rankings, and costs over splits if there are any."""
+    for leaderboard in leaderboards:
+        print(text_of(leaderboard) + "\n")
+    across = table.across(leaderboards)
+    if across is not None:
+        print(table.render_across(across) + "\n")
+
+
+def _notify_left_out(leaderboards: Sequence[Leaderboard]) -> None:
+    """Name results on other tasks on stderr."""
+    left_out = []
+    for leaderboard in leaderboards:
+        left_out += leaderboard.left_out
+    if left_out:
+        names = ", ".join(left_out)
+        notice = f"left out, as scenario values, seeds or versions differ: {names}"
+        print(printable(notice), file=sys.stderr)
+
+
+def _write_page(leaderboards: Sequence[Leaderboard], path: Path) -> None:
+    from leaderboard import page  # needed only here: imports Jinja2
+
+    write_whole(path, page.render(leaderboards))
+
+
+def _add_results(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--results",
+        type=Path,
+        default=OWN_RESULTS,
+        help="folder of results (default: %(default)s; the project's own are in "
+        f"{PROJECT_RESULTS})",
+    )
+
+
+def _add_project_results(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--results",
+        type=Path,
+        default=PROJECT_RESULTS,
+        help="folder of results (default: %(default)s)",
+    )
+
+
+def _add_agents_folder(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--agents",
+        type=Path,
+        default=Path("agents"),
+        help="folder of agents' ONNX files (default: %(default)s)",
+    )
+
+
+def _add_json(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--json", action="store_true", help="print JSON with all numbers and their units"
+    )
+
+
+def _add_workers(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_mutually_exclusive_group()
+    group.add_argument(
+        "--jobs", type=positive, default=1, metavar="N", help="number of processes (default: 1)"
+    )
+    group.add_argument(
+        "--scheduler",
+        metavar="URL",
+        help="play on the workers of a Dask cluster, such as tcp://host:8786",
+    )
+
+
+def _seeds(text: str) -> list[int]:
+    """Return held-out seeds, as an argparse type: their number."""
+    try:
+        return held_out_seeds(whole_number(text))
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
+
+
+def _private_key(text: str) -> str:
+    """Return a private key, as an argparse type: seeds are derived from its bytes in UTF-8."""
+    if not text.isprintable():
+        raise argparse.ArgumentTypeError("a private key must consist of printable characters")
+    return text
+
+
+def _like(pattern: str, meaning: str) -> Callable[[str], str]:
+    """Return an argparse type: a text of a pattern."""
+
+    def checked(text: str) -> str:
+        if not re.fullmatch(pattern, text):
+            raise argparse.ArgumentTypeError(f"{text!r} is not {meaning}")
+        return text
+
+    return checked

@@ -1,0 +1,78 @@
+"""Agents' files state what their training was given; older files are understood as before."""
+
+from pathlib import Path
+
+import pytest
+
+from leaderboard.agents import agent_file
+from leaderboard.training_information import (
+    IMITATION,
+    MODEL_FREE,
+    TRAINING_INPUTS,
+    training_information,
+    with_terms,
+)
+from tests.train.small import ALGORITHMS
+
+AGENTS = Path(__file__).parents[2] / "agents"
+TEACHER = {"model gradients", "true states", "geometry", "life price", "spreads"}
+
+
+OLD_ALGORITHMS = ("ppo", "sac", "tqc", "recurrent_ppo", "lagrangian_ppo", "analytic_gradient")
+
+
+@pytest.mark.parametrize("name", ALGORITHMS)
+def test_algorithms_declare_known_inputs(name: str) -> None:
+    declared = ALGORITHMS[name].training_information
+    assert declared
+    assert set(declared) <= set(TRAINING_INPUTS)
+
+
+@pytest.mark.parametrize("name", OLD_ALGORITHMS)
+def test_files_without_a_statement_are_understood_by_their_command(name: str) -> None:
+    declared = set(ALGORITHMS[name].training_information)
+    assert training_information({}, f"python -m train.{name} --seed 0") == declared
+
+
+@pytest.mark.parametrize(
+    ("parameters", "expected"),
+    [
+        ({}, {"rewards"}),
+        ({"life_price": "flat"}, {"rewards"}),
+        ({"life_price": "end"}, {"rewards"}),
+        ({"life_price": "marginal"}, {"rewards", "life price", "spreads"}),
+        ({"asymmetric": True}, {"rewards", "true states"}),
+        ({"asymmetric": False}, {"rewards"}),
+    ],
+)
+def test_terms_of_a_training_change_its_inputs(
+    parameters: dict[str, object], expected: set[str]
+) -> None:
+    assert set(with_terms(["rewards"], parameters)) == expected
+
+
+def test_a_flat_life_price_takes_the_dynamic_programme_from_a_teacher() -> None:
+    assert set(with_terms(TEACHER, {"life_price": "flat"})) == TEACHER - {"life price", "spreads"}
+
+
+@pytest.mark.parametrize("command", [None, "train it", "python -m train.export mine.zip"])
+def test_a_file_that_states_nothing_is_not_guessed_at(command: str | None) -> None:
+    assert training_information({}, command) is None
+
+
+def test_a_statement_counts_more_than_the_command() -> None:
+    command = "python -m train.ppo --seed 0"
+    stated = {"training_information": ["rewards", "true states"]}
+    assert training_information(stated, command) == {"rewards", "true states"}
+    for wrong in ("rewards", ["wishes"], [1], {}):
+        assert training_information({"training_information": wrong}, command) is None
+
+
+@pytest.mark.parametrize(
+    "path", sorted(AGENTS.glob("*/*/*-seed0.onnx")), ids=lambda path: path.stem
+)
+def test_shipped_agents_keep_their_inputs(path: Path) -> None:
+    metadata = agent_file.read(path).metadata
+    given = training_information(metadata.parameters, metadata.command)
+    assert given is not None
+    assert (metadata.algorithm == "analytic_gradient") == (not given <= MODEL_FREE | IMITATION)
