@@ -2,8 +2,10 @@
 
 Every F word, and every S word of a constant cutting speed, gets the constant value that makes the
 program shortest. The limits are the scenario's force and power with the edge worn as at its change,
-the machine's range, and the edges that the program used before. Words that would hardly change
-stay. ``adaptable_words`` finds the words, ``word_search`` their values.
+the machine's range, and the edges that the program used before. Feeds that leave the part's
+surface stay, unless they must fall to keep a limit. So do all words of tools that the scenario does
+not describe, and words that would hardly change. ``adaptable_words`` finds the words,
+``word_search`` their values.
 """
 
 from dataclasses import dataclass
@@ -12,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from turning_nc.adaptable_words import MIN_CHANGE, AdaptableWords, Change, Where
-from turning_nc.cutting import FINISHING_DEPTH, Play, Situation, play
+from turning_nc.cutting import Play, Situation, play
 from turning_nc.edges import change_wear
 from turning_nc.moves import run
 from turning_nc.word_search import WordSearch
@@ -46,7 +48,6 @@ def adapt(
     wear: float | None = None,
     where: Where = "words",
     life: float = 1.0,
-    finishing_depth: float = FINISHING_DEPTH,
 ) -> Adapted:
     """Return the program with the feeds and speeds that make it shortest.
 
@@ -58,12 +59,11 @@ def adapt(
             after that where the program is shortest.
         where: whether existing words change, or every block gets one.
         life: edges that the program may use, over those that it used before [-].
-        finishing_depth: depth of cut up to which feeds stay [mm].
 
     Raises:
         NcError: no F word per revolution and no S word of a constant cutting speed can change.
     """
-    planner = _Planner(situation, wear, where=where, life=life, finishing_depth=finishing_depth)
+    planner = _Planner(situation, wear, where=where, life=life)
     with planner.progress:
         plan = planner.without_small_changes(planner.best_plan())
     before = planner.before
@@ -81,9 +81,10 @@ def adapt(
         moves=moves,
         removal=situation.removal,
         evidence=situation.evidence,
+        described=situation.described,
     )
     played = play(adapted, change_wear(adapted) if wear is None else plan.search.wear)
-    is_allowed = life >= 1.0 and before.load.max() <= 1.0
+    is_allowed = life >= 1.0 and _highest_load(situation, before) <= 1.0
     if is_allowed and before.time.sum() <= played.time.sum():
         return Adapted(original.text, (), situation=situation, played=before)
     return Adapted(text, changes, situation=adapted, played=played)
@@ -113,7 +114,6 @@ class _Planner:
         wear: float | None,
         where: Where,
         life: float,
-        finishing_depth: float,
     ) -> None:
         self._situation = situation
         self._life = life
@@ -123,7 +123,7 @@ class _Planner:
         else:
             self._latest_wear = np.full(len(situation.tool), wear)
         self.before = play(situation, self._latest_wear)
-        self._words = AdaptableWords(situation, where, finishing_depth=finishing_depth)
+        self._words = AdaptableWords(situation, where, is_overloaded=self.before.load > 1.0)
 
         # Few programs need all plans that may be tried, so that the bar may end early.
         self.progress = tqdm(
@@ -188,9 +188,11 @@ class _Planner:
             feed=search.feeds(values),
             speed=search.speeds(values),
         )
-        overload = float(played.load.max()) - 1.0
+        overload = _highest_load(situation, played) - 1.0
         excess = max(overload, 0.0)
-        if before.load.max() <= 1.0:  # otherwise the overload is removed at any price
+        if (
+            _highest_load(situation, before) <= 1.0
+        ):  # otherwise the overload is removed at any price
             for is_tool in situation.by_tool.values():
                 used = _used_edges(played, is_tool)
                 allowed = self._life * _used_edges(before, is_tool)
@@ -198,6 +200,11 @@ class _Planner:
         time = float(played.time.sum())
         self.progress.update()
         return _Plan(wear, time, excess=excess, search=search, values=values)
+
+
+def _highest_load(situation: Situation, played: Play) -> float:
+    """Return the highest load of the tools that the scenario describes [-]."""
+    return float(played.load[situation.is_described].max(initial=0.0))
 
 
 def _used_edges(played: Play, is_tool: NDArray[np.bool_]) -> float:

@@ -33,6 +33,7 @@ NO_WORD = -1
 Where = Literal["words", "blocks"]
 """Places of changes: existing words, or every block, which gets words of its own."""
 Indices = NDArray[np.int64]
+Mask = NDArray[np.bool_]
 
 
 class FeedChange(NamedTuple):
@@ -94,17 +95,19 @@ class AdaptableWords:
         speed_of: the word that sets the speed of each slice, or ``NO_WORD``.
         slices_of_feed: the slices of each F word.
         slices_of_speed: the slices of each S word.
-        given_feeds: feeds of the F words that stay [mm/rev]; they make the surface, or would hardly
-            change.
+        given_feeds: feeds of the F words that stay [mm/rev]; they make the surface, are those of
+            tools that the scenario does not describe, or would hardly change.
+        highest_feeds: feeds above which F words do not go [mm/rev]; they make the surface, but
+            must fall, because they exceed a limit.
     """
 
-    def __init__(self, situation: Situation, where: Where, finishing_depth: float) -> None:
+    def __init__(self, situation: Situation, where: Where, is_overloaded: Mask) -> None:
         """Find the words of a program.
 
         Args:
             situation: the program on its stock.
             where: what changes.
-            finishing_depth: depth of cut up to which the feed stays [mm].
+            is_overloaded: slices that exceed a limit before the change.
 
         Raises:
             NcError: no word can change.
@@ -123,29 +126,38 @@ class AdaptableWords:
         self._speed_of_move = np.full(count, NO_WORD)
         self._find(where)
         self._contrary: set[int] = set()  # words that set several speeds of a finishing contour
-        finishing = Finishing(situation, finishing_depth)
+        finishing = Finishing(situation)
         self._tied_to = self._ties(finishing.contours)
         self._programmed = self._programmed_ranges()
         self.feed_of = self._feed_of_move[move_of_slice]
         self.speed_of = np.append(self._tied_to, NO_WORD)[self._speed_of_move[move_of_slice]]
 
-        # A speed that cuts nothing in metal, as in an approach, stays as it is.
+        # A speed that cuts nothing in metal, as in an approach, stays as it is. So does a word that
+        # also sets the speed of a tool, a thread or a drill without a law.
+        works = situation.engaged | situation.threads_and_drills
+        lawless = works & ~(situation.engaged & situation.is_described)
         in_metal = np.unique(self.speed_of[situation.engaged])
         contrary = self._tied_to[sorted(self._contrary - {NO_WORD})]
         stays = ~np.isin(self.speed_of, in_metal) | np.isin(self.speed_of, contrary)
+        stays |= np.isin(self.speed_of, self.speed_of[lawless])
         self.speed_of[stays] = NO_WORD
         self.slices_of_feed = _grouped(self.feed_of)
         self.slices_of_speed = _grouped(self.speed_of)
         if not (self.slices_of_feed or self.slices_of_speed):
             raise NcError(
-                "the program has no F word in mm/rev and no S word under G96, "
-                "so nothing can be adapted"
+                "the program has no F word in mm/rev and no S word under G96 of a tool that the "
+                "scenario describes, so nothing can be adapted"
             )
-        self.given_feeds = {
-            word: float(situation.feed[slices].max())
-            for word, slices in self.slices_of_feed.items()
-            if finishing.is_finishing(slices)
-        }
+        self.given_feeds: dict[int, float] = {}
+        self.highest_feeds: dict[int, float] = {}
+        for word, slices in self.slices_of_feed.items():
+            programmed = float(situation.feed[slices].max())
+            if lawless[slices].any():
+                self.given_feeds[word] = programmed
+            elif finishing.is_finishing(slices):
+                must_fall = is_overloaded[slices].any()
+                feeds = self.highest_feeds if must_fall else self.given_feeds
+                feeds[word] = programmed
 
     def _find(self, where: Where) -> None:
         """Find the words that set the feed and the speed of each move."""
@@ -256,6 +268,8 @@ class AdaptableWords:
         It is rounded down, so that limits are kept, but not below the machine's lowest.
         """
         if word in self.given_feeds:
+            return feed
+        if feed == self.highest_feeds.get(word):
             return feed
         decimals = self._decimals(word)
         step = self.scales[word] * 10.0**-decimals

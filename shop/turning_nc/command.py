@@ -23,8 +23,9 @@ def program(options: argparse.Namespace) -> int:
     last. Limits count as in `advise`.
 
     --adapt changes only F and S words, so that the program takes least time within the scenario's
-    limits and without using more edges. The adapted program is simulation output. Do not run it on
-    a machine without review.
+    limits and without using more edges. Feeds that leave the part's surface stay, and so do the
+    words of tools that the scenario does not describe. The adapted program is simulation output. Do
+    not run it on a machine without review.
 
     python -m turning_env program part.mpf --scenario my_tool.toml --stock bar:80x120+1 \
         --figure part.png
@@ -75,6 +76,16 @@ def _add_stock_options(parser: argparse.ArgumentParser) -> None:
             "kind of a tool: outside, inside, left, copying, neutral, groove:WIDTH, "
             "face-groove:WIDTH, drill:DIAMETER; -left and -inside may follow "
             "(default: as it moves); can be repeated"
+        ),
+    )
+    parser.add_argument(
+        "--law-of",
+        action="append",
+        type=str.upper,
+        metavar="NAME",
+        help=(
+            "tool whose insert the scenario describes: others keep their feeds and speeds "
+            "(default: the one that turns most metal outside); can be repeated"
         ),
     )
     parser.add_argument(
@@ -178,15 +189,6 @@ def _add_numbers(parser: argparse.ArgumentParser) -> None:
         type=number_within(0.1, 1000.0, unit="um"),
         metavar="X",
         help="highest theoretical roughness Rt, feed^2 / (8 nose radius) [um] (default: none)",
-    )
-    parser.add_argument(
-        "--finishing",
-        type=number_within(0.0, 100.0, unit="mm"),
-        default=0.5,
-        metavar="X",
-        help=(
-            "feeds up to this depth of cut stay: they make the surface [mm] (default: %(default)g)"
-        ),
     )
 
 

@@ -6,7 +6,7 @@ follow at once. When edges are changed is decided in ``edges``; other feeds and 
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from turning_nc.kinds import DRILL
 from turning_nc.moves import Moves
 from turning_nc.removal import MIN_DEPTH, RADIUS, Removal
+from turning_nc.words import NcError
 from turning_shop import Values
 from turning_shop.allowed import feed_range
 from turning_shop.whatif import NO_LIMIT
@@ -27,9 +28,6 @@ if TYPE_CHECKING:
     from turning_shop.prediction import Evidence
 
 MIN_ACROSS = 1e-3  # change of the radius over a slice below which it counts as constant [mm]
-# Depth of cut up to which a cut is finishing [mm] (assumption). Its feed makes the surface, so it
-# stays.
-FINISHING_DEPTH = 0.5
 MIN_RADIUS = 1e-6  # at which cutting speeds are computed [mm]: 0 would divide by 0
 MIN_SPINDLE_SPEED = 1e-9  # [rev/min], for the same reason
 
@@ -53,6 +51,8 @@ class Situation:
         moves: the moves of the program.
         removal: the metal that they remove, by slice.
         evidence: the evidence for the scenario's laws; None if they were not fitted.
+        described: the tools whose insert the scenario describes. Loads and wear of others are
+            computed with its laws, too, but say little of them.
 
     All other attributes are arrays over the slices. They do not change with feed and speed:
 
@@ -64,6 +64,7 @@ class Situation:
     * ``other_time`` is the time of rapid moves, dwells and tool changes [s].
     * ``fed`` marks slices that are run at feed, ``threads_and_drills`` those of them for which no
       load is computed, and ``engaged`` those that turn metal.
+    * ``is_described`` marks the slices of the tools that the scenario describes.
     * ``by_tool`` marks the slices of each tool, in the order of their first use.
     """
 
@@ -74,7 +75,22 @@ class Situation:
         moves: Moves,
         removal: Removal,
         evidence: "Evidence | None" = None,
+        described: Collection[str] = (),
     ) -> None:
+        """Put a program on its stock.
+
+        Args:
+            scenario: laws, limits and machine.
+            machine: what the scenario lacks.
+            moves: the moves of the program.
+            removal: the metal that they remove.
+            evidence: the evidence for the scenario's laws.
+            described: the tools whose insert the scenario describes; by default the one that
+                removes most metal outside, or inside if none turns outside.
+
+        Raises:
+            NcError: a described tool is not in the program.
+        """
         self.scenario = scenario
         self.machine = machine
         self.moves = moves
@@ -116,6 +132,25 @@ class Situation:
         self.engaged = self.fed & (slices.depth > MIN_DEPTH) & ~self.threads_and_drills
         tools = dict.fromkeys(self.tool.tolist())
         self.by_tool = {tool: self.tool == tool for tool in tools}
+        for name in described:
+            if name not in self.by_tool:
+                raise NcError(
+                    f"tool {name!r} is not in the program, which has {', '.join(self.by_tool)}"
+                )
+        self.described = tuple(described) or self._main_tool()
+        self.is_described = np.isin(self.tool, self.described)
+
+    def _main_tool(self) -> tuple[str, ...]:
+        """Return the insert that turns most metal, outside if one does; empty if none turns."""
+        kinds = self.removal.tools
+        volume = self.removal.slices.volume
+        removed: dict[str, float] = {}
+        for tool, is_tool in self.by_tool.items():
+            if "groove" not in kinds[tool] and not kinds[tool].startswith(DRILL):
+                removed[tool] = float(volume[is_tool].sum())
+        outside = [tool for tool in removed if not kinds[tool].endswith("inside")]
+        candidates = outside or list(removed)
+        return tuple(sorted(candidates, key=removed.__getitem__)[-1:])
 
     @property
     def has_force_limit(self) -> bool:

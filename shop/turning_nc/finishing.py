@@ -1,7 +1,8 @@
-"""Finishing cuts of a program: they make the surface, so that their feeds stay.
+"""Finishing cuts of a program: they leave the surface of the part, so that their feeds do not rise.
 
-A finishing contour is a chain of moves at feed, such as a pass along the contour. A jump of the
-speed within it leaves a mark, so ``adaptable_words`` gives its words one speed.
+``surface`` finds which cuts these are. A finishing contour is a chain of moves at feed, such as a
+pass along the contour. A jump of the speed within it leaves a mark, so ``adaptable_words`` gives
+its words one speed.
 """
 
 from collections.abc import Iterator, Sequence
@@ -11,64 +12,43 @@ from numpy.typing import NDArray
 from turning_nc.cutting import Situation
 from turning_nc.moves import Move
 
+# A move finishes if it leaves this length of the part's surface [mm], or this share of its length
+# in metal [-]. A roughing pass leaves less: a ledge at its end, as an insert's front leans back.
+MIN_SURFACE = 1.0
+MIN_SHARE = 0.25
+
 
 class Finishing:
-    """Cuts of a program that finish.
+    """Cuts of a program that finish: they leave the part's surface, or cut a groove.
 
     Attributes:
-        contours: the moves of each finishing contour, from the first that cuts to the last. Of a
-            chain that mostly roughs, they are those from the first finishing cut to the last.
+        contours: the moves of each finishing contour, of a chain those from the first that
+            finishes to the last.
     """
 
-    def __init__(self, situation: Situation, max_depth: float) -> None:
-        """Look through the moves once.
-
-        Args:
-            situation: a program on its stock.
-            max_depth: depth of cut up to which a cut finishes [mm].
-        """
+    def __init__(self, situation: Situation) -> None:
+        """Look through the moves of a program on its stock."""
         slices = situation.removal.slices
         moves = situation.moves.moves
         count = len(moves)
-        is_deep = slices.depth > max_depth
-        self._length = np.where(situation.engaged, slices.length, 0.0)
-        deep_length = np.where(is_deep, self._length, 0.0)
-        length_of_move = np.bincount(slices.move, self._length, minlength=count)
-        deep_of_move = np.bincount(slices.move, deep_length, minlength=count)
-        in_metal = length_of_move > 0.0
-
+        in_metal = situation.engaged
         kinds = situation.removal.tools
-        is_groover = ["groove" in kinds.get(move.tool, "") for move in moves]
-        grooves = np.array(is_groover)
-        finishes = grooves | (deep_of_move <= 0.5 * length_of_move)
-
+        is_groover = np.array(["groove" in kinds.get(move.tool, "") for move in moves])
+        length = np.bincount(slices.move, slices.length * in_metal, minlength=count)
+        surface = np.bincount(slices.move, slices.surface * in_metal, minlength=count)
+        makes_surface = (surface > MIN_SURFACE) | (surface > MIN_SHARE * length)
+        finishes = (length > 0.0) & (makes_surface | is_groover)
+        self._engaged = in_metal
+        self._finishes = finishes[slices.move] & in_metal
         self.contours: list[range] = []
-        is_within = np.zeros(count, np.bool_)  # whether a move is one of a chain that finishes
         for chain in _chains(moves):
-            part = slice(chain.start, chain.stop)
-            chain_length = length_of_move[part].sum()
-            is_shallow = deep_of_move[part].sum() <= 0.5 * chain_length
-            chain_finishes = grooves[chain.start] or is_shallow
-            is_within[part] = chain_finishes
-            counts = in_metal[part] & (finishes[part] | chain_finishes)
-            cuts = (chain.start + np.flatnonzero(counts)).tolist()
-            if cuts:
-                contour = range(cuts[0], cuts[-1] + 1)
-                self.contours.append(contour)
-        may_be_deep = is_within | grooves
-        self._roughs = is_deep & ~may_be_deep[slices.move]
-        self._grooves = situation.engaged & grooves[slices.move]
+            cuts = chain.start + np.flatnonzero(finishes[chain.start : chain.stop])
+            if len(cuts):
+                self.contours.append(range(int(cuts[0]), int(cuts[-1]) + 1))
 
     def is_finishing(self, slices: NDArray[np.int64]) -> bool:
-        """Return whether slices (their indices) finish.
-
-        They do if at most half of their path in metal is deeper than the depth of finishing, apart
-        from passes that finish as a whole; or if a grooving tool cuts.
-        """
-        if self._grooves[slices].any():
-            return True
-        length = self._length[slices]
-        return float(length[self._roughs[slices]].sum()) <= 0.5 * float(length.sum())
+        """Return whether slices (their indices) finish, or cut no metal at all."""
+        return bool(self._finishes[slices].any() or not self._engaged[slices].any())
 
 
 def _chains(moves: Sequence[Move]) -> Iterator[range]:

@@ -10,7 +10,7 @@ This module knows polygons only; tools and moves are in ``sweep`` and ``removal`
 """
 
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -183,13 +183,32 @@ def overlaps(polygons: NDArray[Any], whole: Any) -> Values:
 
     That one is divided first, so that no polygon is compared with more vertices than it is near.
     """
-    pieces = np.array(list(divided(whole)), dtype=object)
-    tree = shapely.STRtree(pieces)
-    near, piece = tree.query(polygons)
-    common = shapely.intersection(polygons[near], pieces[piece])
+    near, common = _common(polygons, whole)
     areas = np.zeros(len(polygons))
     np.add.at(areas, near, shapely.area(common))
     return areas
+
+
+def lengths_within(lines: NDArray[Any], whole: Any) -> Values:
+    """Return the length of each line within a polygon; see ``overlaps``."""
+    near, common = _common(lines, whole)
+    lengths = np.zeros(len(lines))
+    np.add.at(lengths, near, shapely.length(common))
+    return lengths
+
+
+class _Common(NamedTuple):
+    """What geometries have in common with the pieces of a polygon."""
+
+    number: NDArray[np.int64]  # of the geometry
+    part: NDArray[Any]  # of it that is in a piece
+
+
+def _common(geometries: NDArray[Any], whole: Any) -> _Common:
+    """Return what geometries have in common with each piece of a polygon."""
+    pieces = np.array(list(divided(whole)), dtype=object)
+    near, piece = shapely.STRtree(pieces).query(geometries)
+    return _Common(near, shapely.intersection(geometries[near], pieces[piece]))
 
 
 def divided(polygon: Any) -> Iterator[Any]:

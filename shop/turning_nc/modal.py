@@ -5,7 +5,7 @@ It reads the words of a block that set values. Moves and cycles are left to ``co
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from turning_nc.dialects import DIAMETERS, FANUC, INCH, foreign_sign
@@ -26,7 +26,7 @@ MAX_RATE = 1e6
 # Machine functions that do not change the path, or are read elsewhere (ISO 6983 and Fanuc).
 _KNOWN_M = {*range(10), 13, 14, 17, 30, *range(40, 46), 98, 99}
 COORDINATES = ("X", "Z", "U", "W")
-FEED_MODES_OF_LINUXCNC = {94: False, 95: True}
+FEED_MODES_OF_LINUXCNC: Mapping[float, bool] = {94: False, 95: True}
 """G functions of feeds there, and whether these are per revolution."""
 _SIZES = frozenset("UWRDIK")  # addresses of lengths in cycles
 
@@ -86,7 +86,7 @@ class Modal:
     def __post_init__(self) -> None:
         """Look through the program for what it states anywhere, and note assumptions."""
         self.dialect = self.program.dialect
-        self.feed_modes = self.dialect.feed_modes
+        self.feed_modes: Mapping[float, bool] = self.dialect.feed_modes
         self.fanuc = self.dialect.system != ""
         lines = list(itertools.chain.from_iterable(self.program.parts.values()))
         self.line = lines[0]

@@ -157,12 +157,14 @@ def _play(options: argparse.Namespace, laws: _Laws) -> _Results:
         moves=run,
         removal=removed,
         evidence=laws.evidence,
+        described=options.law_of or (),
     )
     played = cutting.play(situation, options.wear or edges.change_wear(situation))
     notes += laws.notes
     if bending_note:
         notes.append(bending_note)
     notes += _holder_notes(scenario, removed)
+    notes += _law_notes(situation)
     notes += edges.beyond(situation, played)
     return _Results(
         program=program,
@@ -191,6 +193,18 @@ def _holder_notes(scenario: Scenario, removed: removal.Removal) -> list[str]:
     ]
 
 
+def _law_notes(situation: cutting.Situation) -> list[str]:
+    """Return a note on tools that cut metal, but that the scenario does not describe."""
+    others = set(situation.tool[situation.engaged & ~situation.is_described].tolist())
+    if not others:
+        return []
+    described = " and ".join(situation.described) or "no tool"
+    return [
+        f"the scenario is taken to describe the insert of {described} (assumption; --law-of sets "
+        f"it); loads and wear of {', '.join(sorted(others))} follow the same laws"
+    ]
+
+
 def _machine(options: argparse.Namespace, scenario: Scenario) -> cutting.Machine:
     max_spindle = options.max_spindle or scenario.spindle.max_speed
     return cutting.Machine(
@@ -207,7 +221,6 @@ def _adapt(options: argparse.Namespace, situation: cutting.Situation) -> _Adapti
         options.wear,
         where=options.adapt,
         life=options.life,
-        finishing_depth=options.finishing,
     )
     beyond = edges.beyond(adapted.situation, adapted.played)
     return _Adaption(

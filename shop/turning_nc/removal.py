@@ -7,7 +7,7 @@ the depth of cut is taken as constant. What a slice costs in time, load and wear
 
 import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -17,6 +17,7 @@ from turning_nc.kinds import DRILL, ToolKinds
 from turning_nc.metal import Metal, overlaps
 from turning_nc.moves import Move, Moves
 from turning_nc.paths import Point
+from turning_nc.surface import final_surface
 from turning_nc.sweep import SAME, Removed, Sweep
 from turning_nc.tool_shapes import tool_shape
 from turning_nc.words import NcError
@@ -58,6 +59,7 @@ class Slices:
     volume: Values  # removed metal [mm3]
     start: Values  # Z and radius of the tip at the start [mm], shape (slices, 2)
     end: Values  # Z and radius of the tip at the end [mm], shape (slices, 2)
+    surface: Values  # length of the finished part's surface that the slice leaves [mm]
 
 
 @dataclass(frozen=True)
@@ -102,7 +104,7 @@ def remove(moves: Moves, stock: Any, tools: Mapping[str, str] = {}) -> Removal:
             cutting.run(index, move, start=start, end=end)
     part = cutting.left.polygon()
     return Removal(
-        slices=cutting.slices(),
+        slices=cutting.slices(moves.moves, part),
         stock=stock,
         part=part,
         tools=kinds,
@@ -300,8 +302,8 @@ class _Cutting:
                 "drill cuts on the axis, X0"
             )
 
-    def slices(self) -> Slices:
-        """Return the slices of all moves."""
+    def slices(self, moves: Sequence[Move], part: Any) -> Slices:
+        """Return the slices of all moves; ``part`` is the polygon after the last of them."""
         counts = np.array([len(cut.shares) for cut in self._cuts])
         path = np.repeat(np.arange(len(counts)), counts)
         firsts = np.cumsum(counts) - counts
@@ -331,14 +333,25 @@ class _Cutting:
         areas = increments(summed_areas)
         moments = increments(summed_moments)
         middle_radius = 0.5 * abs(starts + ends)[:, RADIUS]
+        depth = np.maximum(areas / length, 0.0)
+        move = np.array(self._moves)[path]
+        names = np.array([move.tool for move in moves])[move]
+        surface = np.zeros(len(depth))
+        for tool, shape in self._shapes.items():
+            cuts = np.flatnonzero((names == tool) & (depth > MIN_DEPTH))
+            if shape is not None and len(cuts):
+                side = -1.0 if tool in self._mirrored else 1.0
+                signs = np.array((1.0, side))
+                surface[cuts] = final_surface(shape, signs * starts[cuts], signs * ends[cuts], part)
         return Slices(
-            move=np.array(self._moves)[path],
+            move=move,
             length=np.maximum(length, 0.0),
             radius=middle_radius,
-            depth=np.maximum(areas / length, 0.0),
+            depth=depth,
             volume=np.maximum(2.0 * math.pi * moments, 0.0),
             start=starts,
             end=ends,
+            surface=surface,
         )
 
     def gouged(self, part: Any) -> dict[int, float]:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from turning_nc.adaptable_words import Change
-from turning_nc.cutting import FINISHING_DEPTH, Play, Situation, highest_feed
+from turning_nc.cutting import Play, Situation, highest_feed
 from turning_nc.dialects import with_line_feeds
 from turning_nc.edges import outside, parts_per_edge
 from turning_nc.finishing import Finishing
@@ -247,7 +247,7 @@ class _RowWriter:
         self._load = played.load
         self._in_air = ~(on | s.threads_and_drills)
         self._is_outside = _outside_measured(s, played)
-        self._finishing = Finishing(s, FINISHING_DEPTH)
+        self._finishing = Finishing(s)
         self._highest_feed = np.full(len(played.time), s.max_feed)
         self._highest_feed[on] = highest_feed(
             s.scenario,
@@ -302,7 +302,7 @@ class _RowWriter:
     def _saved_time(self, metal: NDArray[np.int64]) -> float:
         """Return the time that the highest feed would save at the same speed [s]."""
         s = self._situation
-        if not metal.size or self._finishing.is_finishing(metal):
+        if not s.is_described[metal].any() or self._finishing.is_finishing(metal):
             return 0.0
         feed = self._played.feed[metal].max()
         highest = max(self._highest_feed[metal].min(), s.min_feed)

@@ -173,7 +173,11 @@ class _SortedCuts:
         self._feed_words = feed[first_slices]
         self._speed_starts = np.flatnonzero(_is_new(speed)[first_slices])
         self.speed_words = speed[first_slices[self._speed_starts]]
-        self._given_feeds = np.array([self._given_feed(word) for word in self._feed_words.tolist()])
+        feed_words = self._feed_words.tolist()
+        self._given_feeds = np.array([self._given_feed(word) for word in feed_words])
+        self._highest_feeds = np.array(
+            [words.highest_feeds.get(word, math.inf) for word in feed_words]
+        )
         law = search.situation.scenario.material.wear
         self._life_exponent = float(law.feed / law.time)  # of the feed, in the used life per turn
 
@@ -247,6 +251,7 @@ class _SortedCuts:
             cheapest = (time / slope) ** (1.0 / exponent)
             feed = np.minimum(feed, cheapest)
         feed = np.maximum(np.minimum(feed, highest), s.min_feed)
+        feed = np.minimum(feed, self._highest_feeds)
         is_free = np.isnan(self._given_feeds)
         feed = np.where(is_free, feed, self._given_feeds)
         excess = np.maximum(feed / highest - 1.0, 0.0)

@@ -113,7 +113,8 @@ def test_blanks_in_conditions_are_skipped() -> None:
 def test_adapted_words_keep_their_places_with_any_end_of_line() -> None:
     adapted = {}
     for end in ("\n", "\r", "\r\n"):
-        text = (BAR + CUT).replace("F0.25", "F 0.2 5").replace("\n", end)
+        last = "G0 Z2.\nG1 X54. F0.1\nZ-40.\nM30"
+        text = (BAR + CUT).replace("F0.25", "F 0.2 5").replace("M30", last).replace("\n", end)
         made = moves(text)
         removal = remove(made, read_stock("bar:60x60"))
         situation = Situation(Scenario.load("rough_turning"), Machine(), made, removal)
