@@ -96,9 +96,7 @@ results: .venv/run
 				$$play --splits --policies self_tuning --knows true_wear; \
 				$$play --splits --policies predictive self_tuning --knows true_laws; \
 				$$play --policies self_tuning --forgets; \
-				$$play --scenario unmodelled --splits --policies idle never_cut random fixed_nominal_optimum fixed_nominal_share predictive self_tuning contextual causal; \
-				$$play --scenario unmodelled --splits --policies self_tuning --knows true_forms; \
-				$$play --scenario unmodelled2 --splits --policies idle never_cut random fixed_nominal_optimum fixed_nominal_share predictive self_tuning contextual chip_window reactive known_forms causal; \
+				$$play --scenario unmodelled --splits --policies idle never_cut random fixed_nominal_optimum fixed_nominal_share predictive self_tuning chip_window reactive known_forms causal; \
 				continue;; \
 			*) seeds="--seeds $(TASK_SEEDS)";; \
 		esac; \

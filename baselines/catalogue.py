@@ -1,6 +1,6 @@
 """All rule-based controllers by name, and their edge changes, if a task commands them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from importlib import import_module
 from typing import Any
@@ -10,7 +10,7 @@ import numpy as np
 from baselines import tuned
 from baselines.policy_spec import PolicySpec, ScenarioId
 from baselines.rule import Mask, Parameters, Range, Rule
-from turning_env import Family, Scenario, read
+from turning_env import Scenario, read
 from turning_env.policy import Actions, Observations, Policy
 from turning_env.scenario.section import names_instead
 
@@ -27,7 +27,6 @@ _FILES = (  # files that declare rules; a new one is added here
     "optimiser",
     "predictive",
     "self_tuning",
-    "contextual",
     "reactive",
     "part_planning",
 )
@@ -66,19 +65,8 @@ class TimelyChanges(Policy):
 
 
 def names(scenario: Scenario) -> list[str]:
-    """Return the names of the controllers that can play a scenario by its nominal model alone."""
-    return [name for name, rule in RULES.items() if rule.plays(scenario) and not rule.needs_numbers]
-
-
-def names_on(family: Family) -> list[str]:
-    """Return the names of the controllers that can play the jobs of a family."""
-    scenario = family.job(0).scenario
-    on_family = names(scenario)
-    for name, rule in RULES.items():
-        tuned_on_family = rule.needs_numbers and tuned.on_family(family, name)
-        if tuned_on_family and rule.plays(scenario):
-            on_family.append(name)
-    return on_family
+    """Return the names of the controllers that can play a scenario."""
+    return [name for name, rule in RULES.items() if rule.plays(scenario)]
 
 
 def playable(name: str, scenario: Scenario) -> Rule:
@@ -114,8 +102,6 @@ def spec(
     name: str,
     scenario: Scenario | Sequence[Scenario],
     tuned_on: Scenario | None = None,
-    further_parameters: Parameters | None = None,
-    numbers: Sequence[Mapping[str, float]] | None = None,
 ) -> PolicySpec:
     """Return a controller built with a scenario's nominal model and its tuned parameters, if any.
 
@@ -124,8 +110,6 @@ def spec(
         scenario: one to play, or one for each environment if the rule plays them ``together``.
         tuned_on: scenario on which its parameters were tuned; None: the one that it plays, or the
             first.
-        further_parameters: parameters that replace tuned or fixed ones, or are added to them.
-        numbers: the catalogue's numbers of each scenario, for rules that need them.
 
     Raises:
         KeyError: there is no controller of this name.
@@ -142,18 +126,11 @@ def spec(
     rule = playable(name, first.nominal())
     if isinstance(nominal, list) and not rule.together:
         raise ValueError(f"{name} plays one scenario at a time, got {len(nominal)}")
-    inputs: dict[str, Any] = {}
-    if rule.needs_numbers:
-        if numbers is None:
-            raise ValueError(
-                f"{name} needs the catalogue's numbers of a job: it plays jobs of a family only"
-            )
-        inputs["numbers"] = numbers
     tuned_parameters: Parameters = {}
     command = None
     if rule.ranges:
         tuned_parameters, command = tuned.setting(name, rule, (tuned_on or first).nominal())
-    parameters = rule.fixed | tuned_parameters | (further_parameters or {})
+    parameters = rule.fixed | tuned_parameters
     return PolicySpec(
         name=name,
         version=rule.version,
@@ -161,5 +138,5 @@ def spec(
         parameters=dict(parameters),
         command=command,
         tuned_for=None if tuned_on is None else ScenarioId.of(tuned_on),
-        make=lambda num_envs: rule.controller(nominal, num_envs, **inputs, **parameters),
+        make=lambda num_envs: rule.controller(nominal, num_envs, **parameters),
     )

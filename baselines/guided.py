@@ -3,8 +3,7 @@
 The guide is trained on other lathes. A guide, such as a network, sees ``features``: the context of
 the job (numbers of the nominal model, and those of the catalogue that the family shows), the belief
 of the rule's filter, and the history of the edges before. A decision holds for ``HOLD`` steps; the
-rule does the rest. ``contextual`` sets a highest speed once, by a regression on the catalogue's
-numbers.
+rule does the rest.
 """
 
 from collections.abc import Sequence

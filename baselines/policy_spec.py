@@ -76,10 +76,9 @@ class PolicySpec(BaseModel):
     description: Text = ""
     parameters: Parameters = Field(default_factory=dict)
     """A rule's settings, or hyperparameters of an agent's training."""
-    knows: Literal["nominal", "true_wear", "true_forms", "true_laws"] = "nominal"
+    knows: Literal["nominal", "true_wear", "true_laws"] = "nominal"
     """Model from which a family's policy is built: each job's nominal one, also with the true wear
-    law, with forms that no power law has (failures of edges, phases of wear, chatter), or with all
-    that is true."""
+    law, or with all that is true."""
     forgets: bool = False  # whether it forgets everything at each change of the edge
     training_seed: int | None = Field(default=None, ge=0, le=MAX_TRAINING_SEED)
     """Training seed of an agent. Agents of one name are one policy on a leaderboard."""
@@ -148,7 +147,6 @@ class PolicySpec(BaseModel):
 _KNOWLEDGE = {
     "nominal": "",
     "true_wear": " with the true wear law",
-    "true_forms": " with true forms",
     "true_laws": " with true laws",
 }
 """Words in the title of a policy that ``knows`` more than the nominal model."""

@@ -11,7 +11,7 @@ It knows no form beside the laws, but changes its limits by what the observation
 
 Two rules of the catalogue play it, where stops for tangled chips are counted. ``chip_window``
 moves the window of feeds alone. ``reactive`` also reacts to its edges, with the numbers that were
-best on the family ``unmodelled2``.
+best on the family ``unmodelled``.
 
 Uses from the nominal model what ``self_tuning`` uses, and the chip breaker's window of feeds.
 """
@@ -70,10 +70,10 @@ WINDOW_ALONE = Reactions(
     bolder=0.0,
     span=0.0,
 )
-"""Only the window of feeds reacts; the other numbers are those of ``contextual`` on
-``unmodelled2``."""
+"""Only the window of feeds reacts; the other numbers are the best constants on training jobs of
+``unmodelled``."""
 TUNED = WINDOW_ALONE._replace(speed=-0.43, slower=0.05, bolder=0.05)
-"""The best of 16 sets of numbers on training jobs of ``unmodelled2``
+"""The best of 16 sets of numbers on training jobs of ``unmodelled``
 (``research/studies/unmodelled_reactions.py``)."""
 
 

@@ -52,11 +52,6 @@ class Rule:
 
     These are the best rules that need tuning, and fixed parameters for comparison.
     """
-    needs_numbers: bool = False
-    """Whether ``controller`` also takes the catalogue's numbers of each job (``Job.numbers``).
-
-    Such a rule plays families alone, with parameters that were tuned on them.
-    """
     together: bool = False
     """Whether ``controller`` also takes a sequence of scenarios, one for each environment."""
     published: bool = False

@@ -1,9 +1,8 @@
 """Tuned parameters of the rules, kept as data: one JSON file per scenario.
 
-The presets' files ship in ``baselines/tuned``, and those of families that a rule plays with
-parameters of its own in ``baselines/tuned/families``. The file of your own scenario,
-``my_mill.toml``, is ``my_mill.tuned.json`` beside it. A file belongs to the scenario whose digest
-it states; names do not matter.
+The presets' files ship in ``baselines/tuned``. The file of your own scenario, ``my_mill.toml``, is
+``my_mill.tuned.json`` beside it. A file belongs to the scenario whose digest it states; names do
+not matter.
 """
 
 import json
@@ -13,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from baselines.rule import Parameters, Rule
-from turning_env import Family, Scenario, presets
+from turning_env import Scenario, presets
 
 FOLDER = Path(__file__).parent / "tuned"  # the folder of the tuned values that ship
 
@@ -91,24 +90,6 @@ def contents(scenario: Scenario) -> dict[str, Any]:
             return values
     state = "were tuned for other values" if beside_scenario else "have not been tuned"
     raise NotTuned(f"the rules of scenario {scenario.name!r} {state}: run `{command(scenario)}`")
-
-
-def on_family(family: Family, name: str) -> Parameters:
-    """Return the parameters that a rule has on the jobs of this family alone."""
-    values = read(family_path(family))
-    if values.get("family_digest") != family_digest(family):
-        return {}
-    return dict(values["rules"].get(name, {}).get("parameters", {}))
-
-
-def family_path(family: Family) -> Path:
-    """Return the path of the parameters that rules have on the jobs of a family that ships."""
-    return FOLDER / "families" / f"{family.name}.json"
-
-
-def family_digest(family: Family) -> str:
-    """Return the digest of a family's values, whichever jobs are held out."""
-    return family.model_copy(update={"held_out_key": ""}).digest()
 
 
 def setting(name: str, rule: Rule, scenario: Scenario) -> tuple[Parameters, str]:

@@ -238,10 +238,10 @@ def _add_run_options(parser: argparse.ArgumentParser) -> None:
     add("--split", metavar="NAME", help="split of a family (default: unseen_jobs)")
     add(
         "--knows",
-        choices=("nominal", "true_wear", "true_forms", "true_laws"),
+        choices=("nominal", "true_wear", "true_laws"),
         default="nominal",
         help="model from which controllers of a family are built: nominal models, or these with "
-        "the true wear law, true forms or all true laws",
+        "the true wear law or all true laws",
     )
     add(
         "--forgets",

@@ -5,7 +5,7 @@ jobs belongs to ``turning_env.scenario.family``.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -13,7 +13,6 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines import tuned
 from baselines.catalogue import RULES, spec
 from baselines.comparators import (
     CAUSAL,
@@ -24,7 +23,6 @@ from baselines.comparators import (
 from baselines.models.schedule import FORMS
 from baselines.oracles import known_forms, perfect_state
 from baselines.policy_spec import PolicySpec, ScenarioId
-from baselines.rule import Parameters
 from leaderboard.agents.agent_file import informed
 from leaderboard.play import EPISODE_FIELDS, Episodes, play, play_family
 from leaderboard.result import FamilySplit, ResultError, Task
@@ -58,8 +56,7 @@ class SetPointShares(NamedTuple):
 WHOLE = SetPointShares(cutting_speed=1.0, feed=1.0)
 FEASIBLE_SHARES = {
     "shop": SetPointShares(cutting_speed=0.92, feed=0.62),
-    "unmodelled": SetPointShares(cutting_speed=0.75, feed=0.62),
-    "unmodelled2": SetPointShares(cutting_speed=0.65, feed=0.6),
+    "unmodelled": SetPointShares(cutting_speed=0.65, feed=0.6),
 }
 """Shares with the highest mean return of those that are feasible on 128 training jobs.
 
@@ -67,14 +64,13 @@ FEASIBLE_SHARES = {
 """
 USUAL_SHARES = SetPointShares(cutting_speed=0.85, feed=0.62)  # on other families
 
-Knowledge = Literal["nominal", "true_wear", "true_forms", "true_laws"]
+Knowledge = Literal["nominal", "true_wear", "true_laws"]
 """Model from which controllers are built: see ``PolicySpec.knows``."""
 Prefixes = str | tuple[str, ...]
 """Beginning of the dotted names of fields, or one of several beginnings."""
 
 _TRUE_FIELDS: dict[str, Prefixes] = {
     "true_wear": "material.wear.",
-    "true_forms": FORMS,
     "true_laws": "",
 }
 """Fields whose true values are known, by ``PolicySpec.knows``; all names begin with the empty
@@ -162,7 +158,6 @@ def rule(name: str, task: Task, knows: Knowledge = "nominal", forgets: bool = Fa
     """
     family = family_of(task)
     job = family.job(0)
-    parameters = tuned.on_family(family, name)
     if (knows != "nominal" or forgets) and name in extra_names(family):
         raise ValueError(f"{name} has no variants")
     if name == NOMINAL_OPTIMUM:
@@ -190,8 +185,6 @@ def rule(name: str, task: Task, knows: Knowledge = "nominal", forgets: bool = Fa
             name,
             job.scenario,
             tuned_on=Scenario.load(family.base),
-            further_parameters=parameters,
-            numbers=[job.numbers],
         )
     known_family = family
     if name == CAUSAL:
@@ -205,7 +198,6 @@ def rule(name: str, task: Task, knows: Knowledge = "nominal", forgets: bool = Fa
         _part_of(task).split,
         policy=name,
         forgets=forgets,
-        parameters=parameters,
     )
     # A controller that knows more than others is no policy to compare with.
     kind = policy.kind if knows == "nominal" else "oracle"
@@ -264,8 +256,6 @@ class FamilyPlay:
     split: str
     policy: str | PolicySpec  # a controller's name, or an agent that plays all jobs
     forgets: bool
-    # Parameters that a controller has on this family alone.
-    parameters: Parameters = field(default_factory=dict)
 
     @property
     def context(self) -> Context:
@@ -305,8 +295,6 @@ class FamilyPlay:
             self.policy,
             scenarios if RULES[self.policy].together else scenarios[0],
             tuned_on=Scenario.load(self.family.base),
-            further_parameters=self.parameters,
-            numbers=[job.numbers for job in jobs],
         )
         return controller.make
 

@@ -10,7 +10,7 @@ import numpy as np
 from gymnasium.error import ClosedEnvironmentError, DependencyNotInstalled, Error
 from numpy.typing import NDArray
 
-from baselines import catalogue, tuned
+from baselines import catalogue
 from leaderboard.scoring import shipped
 from leaderboard.statistics import severe_share
 from turning_env import FAMILY_ID, IDS, Family, Scenario
@@ -99,13 +99,7 @@ def match_on_family(name: str, seed: int) -> Match:
     """
     family = Family.load(name)
     job = family.job(seed)
-    rule = catalogue.spec(
-        FAMILY_RULE,
-        job.scenario,
-        tuned_on=Scenario.load(family.base),
-        further_parameters=tuned.on_family(family, FAMILY_RULE),
-        numbers=[job.numbers],
-    )
+    rule = catalogue.spec(FAMILY_RULE, job.scenario, tuned_on=Scenario.load(family.base))
     return Match(
         env_id=FAMILY_ID,
         seed=seed,

@@ -19,7 +19,6 @@ from leaderboard.training_information import (
     TRAINING_INPUTS,
     training_information,
 )
-from train.run import current_names
 from turning_env import Scenario
 
 RUN_TIME_INPUTS = {
@@ -66,7 +65,7 @@ def class_of(policy: PolicySpec) -> str:
     """Return the class of a policy, one of ``CLASSES``."""
     if policy.kind != "agent":
         return policy.kind
-    given = training_information(policy.parameters, policy.command)
+    given = training_information(policy.parameters)
     if given is None:
         return "other agent"
     if not given <= MODEL_FREE | IMITATION:
@@ -82,39 +81,33 @@ def information(policy: PolicySpec, scenario: Scenario) -> Information | None:
     """Return the inputs of an agent, trained on a scenario; None if the policy is no agent."""
     if policy.kind != "agent":
         return None
-    given = training_information(policy.parameters, policy.command)
+    given = training_information(policy.parameters)
     if given is None:
         return Information(given=None, seen=None, steps=None)
-    parameters = current_names(policy.parameters)
-    seen = _run_time_inputs(parameters, has_gradients="model gradients" in given)
+    seen = _run_time_inputs(policy.parameters)
     if scenario.workpiece.bars > 0 and scenario.control.edge_changes == "end":
         given -= LIFE_PRICE  # the job ends before the edge: its life has the flat price
     return Information(
         given=tuple(name for name in TRAINING_INPUTS if name in given),
         seen=tuple(name for name in RUN_TIME_INPUTS if name in seen),
-        steps=_environment_steps(parameters),
+        steps=_environment_steps(policy.parameters),
     )
 
 
-def _run_time_inputs(parameters: Mapping[str, object], has_gradients: bool) -> set[str]:
-    """Return the inputs at run time, names in ``RUN_TIME_INPUTS``.
-
-    Without a statement, an agent has memory and position if it was trained with gradients, and
-    neither if it was trained otherwise: the defaults of the algorithms.
-    """
-    by_default = has_gradients
+def _run_time_inputs(parameters: Mapping[str, object]) -> set[str]:
+    """Return the inputs at run time, names in ``RUN_TIME_INPUTS``."""
     inputs = set()
     if "context" in parameters and parameters.get("hides_context") is not True:
         inputs.add("context")
     frames = _whole_number(parameters, "frames") or 1
-    remembers = parameters.get("memory", by_default) is True
+    remembers = parameters.get("memory") is True
     if remembers or "lstm_hidden_size" in parameters or frames > 1:
         inputs.add("memory")
     if parameters.get("belief") is True:
         inputs.add("belief")
     if _guides(parameters):
         inputs |= {"belief", "rule"}  # the rule's belief is shown to its guide
-    if parameters.get("position", by_default) is True:
+    if parameters.get("position") is True:
         inputs.add("position")
     return inputs
 

@@ -244,7 +244,7 @@ def _known_names(task: Task) -> list[str]:
     """Return the names of all controllers and oracles that can play a task."""
     if task.of_family:
         jobs = family.family_of(task)
-        return [*catalogue.names_on(jobs), *family.extra_names(jobs)]
+        return [*catalogue.names(jobs.job(0).scenario), *family.extra_names(jobs)]
     names = catalogue.names(task.scenario)
     return names + [oracle.name for oracle in oracles(task.scenario)]
 

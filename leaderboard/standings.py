@@ -33,8 +33,6 @@ from leaderboard.statistics import (
     reason_not_to_rank,
     score_of,
 )
-from leaderboard.training_information import TERMS, training_information
-from train.run import current_names
 from turning_env import SPLITS, Scenario
 from turning_env.files import digest_of
 
@@ -208,16 +206,9 @@ def names_of(policies: Sequence[PolicySpec]) -> dict[str, str]:
 
 
 def _training_digest(policy: PolicySpec) -> str:
-    """Return a digest that trainings share if they differ only in their seed.
-
-    A training that does not state a term has its value in ``TERMS``. Older files do not state the
-    inputs of their training; their command does.
-    """
-    parameters = TERMS | current_names(policy.parameters)
-    inputs = training_information(policy.parameters, policy.command)
-    parameters["training_information"] = sorted(inputs or ())
-    kind_and_scenario = policy.model_dump(include={"kind", "tuned_for"})
-    return digest_of([is_external(policy), kind_and_scenario, parameters])
+    """Return a digest that trainings share if they differ only in their seed."""
+    training = policy.model_dump(include={"kind", "tuned_for", "parameters"})
+    return digest_of([is_external(policy), training])
 
 
 def _description(policy: PolicySpec) -> str:
@@ -228,7 +219,7 @@ def _description(policy: PolicySpec) -> str:
     if policy.name in RULES:
         return RULES[policy.name].description
     if policy.kind == "agent" and not is_external(policy) and policy.tuned_for is not None:
-        steps = current_names(policy.parameters).get("total_timesteps")
+        steps = policy.parameters.get("total_timesteps")
         return description_of_training(policy.parameters, steps, policy.tuned_for.name)
     return policy.description
 

@@ -6,7 +6,6 @@ its parameters, as ``training_information``. Leaderboards rank agents in classes
 this module leaves the classes to them.
 """
 
-import re
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -29,28 +28,6 @@ IMITATION = frozenset({"rule's actions"})
 LIFE_PRICE = frozenset({"life price", "spreads"})
 """Inputs of a price of edge life p(D): dynamic programming needs the spreads."""
 
-TERMS = {
-    "belief": False,
-    "position": False,
-    "frames": 1,
-    "life_price": "flat",
-    "hides_context": False,
-    "asymmetric": False,
-}
-"""Values of ``train/terms.py``'s hyperparameters in a training that does not name them."""
-
-# Files from before agents stated their inputs name the algorithm in the command of their training.
-_INPUTS_BY_ALGORITHM = {
-    "ppo": ("rewards",),
-    "recurrent_ppo": ("rewards",),
-    "guided_ppo": ("rewards",),
-    "sac": ("rewards",),
-    "tqc": ("rewards",),
-    "lagrangian_ppo": ("rewards", "overload share"),
-    "analytic_gradient": ("model gradients", "true states", "geometry", "life price", "spreads"),
-}
-_TRAINING_COMMAND = re.compile(r"python -m train\.(\w+)( |$)")
-
 
 def with_terms(inputs: Iterable[str], parameters: Mapping[str, Any]) -> tuple[str, ...]:
     """Return the inputs of a training with some parameters, in the order of ``TRAINING_INPUTS``.
@@ -71,25 +48,13 @@ def with_terms(inputs: Iterable[str], parameters: Mapping[str, Any]) -> tuple[st
     return tuple(name for name in TRAINING_INPUTS if name in given)
 
 
-def training_information(
-    parameters: Mapping[str, Any], command: str | None
-) -> frozenset[str] | None:
+def training_information(parameters: Mapping[str, Any]) -> frozenset[str] | None:
     """Return the inputs of an agent's training, or None if its file does not state them.
 
-    The inputs are names in ``TRAINING_INPUTS``.
-
-    Args:
-        parameters: the parameters in the agent's file. ``training_information`` states the inputs.
-        command: the command of the training. In files that do not state the inputs, it names the
-            algorithm.
+    The inputs are names in ``TRAINING_INPUTS``; ``parameters`` are those in the agent's file.
     """
-    if "training_information" in parameters:
-        stated = parameters["training_information"]
-        is_known = isinstance(stated, list | tuple) and all(
-            isinstance(name, str) and name in TRAINING_INPUTS for name in stated
-        )
-        return frozenset(stated) if is_known else None
-    match = _TRAINING_COMMAND.match(command or "")
-    if match is None or match[1] not in _INPUTS_BY_ALGORITHM:
+    stated = parameters.get("training_information")
+    if not isinstance(stated, list | tuple):
         return None
-    return frozenset(with_terms(_INPUTS_BY_ALGORITHM[match[1]], parameters))
+    is_known = all(isinstance(name, str) and name in TRAINING_INPUTS for name in stated)
+    return frozenset(stated) if is_known else None

@@ -4,8 +4,7 @@
 
 A guide sets the highest speed of the rule and the used life at which it changes edges
 (``baselines/guided.py``). It sees more than the rule: the catalogue's numbers that the family
-shows, and what became of earlier edges. On the family ``unmodelled``, a linear law of two of these
-numbers (``baselines/contextual.py``) returns as much; ``docs/unmodelled.md`` has the differences.
+shows, and what became of earlier edges. ``docs/unmodelled.md`` has the results.
 
 A step of this training is a decision, which holds for ``HOLD`` steps of the environment. Each
 environment keeps its job, with new bars in every episode. The same command resumes an interrupted

@@ -6,7 +6,7 @@ import json
 import math
 import sys
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -36,41 +36,6 @@ CURVE_COLUMNS = ("steps", "wall_time", "mean_return")
 return [s] of the last 100 episodes, in which the agent explores. An algorithm may add columns."""
 SHARES = ("gamma", "gae_lambda", "tau")
 """Hyperparameters that are shares, at most 1."""
-
-OLD_NAMES = {
-    "activation": "activation_fn",
-    "batches_per_step": "gradient_steps",
-    "critic_has_memory": "enable_critic_lstm",
-    "critics": "n_critics",
-    "discount": "gamma",
-    "dropped_quantiles": "top_quantiles_to_drop_per_net",
-    "entropy_coefficient": "ent_coef",
-    "epochs": "n_epochs",
-    "hidden_layers": "net_arch",
-    "initial_entropy_coefficient": "initial_ent_coef",
-    "initial_log_deviation": "log_std_init",
-    "max_gradient_norm": "max_grad_norm",
-    "memory": "buffer_size",
-    "memory_cells": "lstm_hidden_size",
-    "quantiles": "n_quantiles",
-    "random_steps": "learning_starts",
-    "rollout": "n_steps",
-    "steps": "total_timesteps",
-    "target_rate": "tau",
-    "value_coefficient": "vf_coef",
-}
-"""Names of hyperparameters in older agent files, cards and runs, with their present names."""
-
-
-def current_names(parameters: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the parameters of a training under their present names."""
-    current = {}
-    for name, value in parameters.items():
-        # A number called "memory" was the size of a replay buffer; analytic_gradient has a switch
-        # of that name.
-        is_switch = name == "memory" and isinstance(value, bool)
-        current[name if is_switch else OLD_NAMES.get(name, name)] = value
-    return current
 
 
 def _defaults(algorithm: str) -> dict[str, Any]:
@@ -117,7 +82,7 @@ def examples(algorithm: str) -> dict[str, Any]:
 
 
 def overrides(algorithm: str, settings: Iterable[str]) -> dict[str, Any]:
-    """Parse hyperparameters ``KEY=VALUE``, also under their older names.
+    """Parse hyperparameters ``KEY=VALUE``.
 
     Raises:
         ValueError: the algorithm has no such hyperparameter, or one of another type.
@@ -126,8 +91,6 @@ def overrides(algorithm: str, settings: Iterable[str]) -> dict[str, Any]:
     values = {}
     for setting in settings:
         name, _, text = (part.strip() for part in setting.partition("="))
-        if name not in known:
-            name = OLD_NAMES.get(name, name)
         if name not in known:
             instead = names_instead(name, known, f"python -m train.{algorithm} --help")
             raise ValueError(f"{algorithm} has no hyperparameter {name!r}; {instead}")
@@ -283,7 +246,6 @@ class Run:
         try:
             values = json.loads(path.read_text("utf-8"))
             values["scenario"] = Scenario.model_validate(values["scenario"])
-            values["parameters"] = current_names(values["parameters"])
             return cls(**values, folder=folder)
         except (AttributeError, KeyError, TypeError, ValueError, RecursionError) as error:
             raise ValueError(f"{path} describes no training run: {error}") from error

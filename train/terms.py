@@ -21,7 +21,6 @@ from typing import Any, Self
 
 from baselines.belief import VectorBeliefObservation
 from leaderboard.agents.agent_file import seen_space
-from leaderboard.training_information import TERMS
 from train.actor import Actor
 from train.agent_inputs import AgentInputs, AgentInputsWrapper, HiddenStateWrapper, WithInputs
 from train.life_price import LIFE_PRICES, LifePriceVecEnv
@@ -30,6 +29,15 @@ from turning_env import Scenario
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 
 MAX_FRAMES = 100
+TERMS = {
+    "belief": False,
+    "position": False,
+    "frames": 1,
+    "life_price": "flat",
+    "hides_context": False,
+    "asymmetric": False,
+}
+"""Values of the hyperparameters in a training that does not name them."""
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from turning_env.numerics.functions import log
 
 SHIFTS = np.array([0.0, -0.65, -0.55, -0.45, -0.35, 0.35, 0.45, 0.55, 0.65])
 """Log shifts of both ends of the window that are compared [-] (range: training jobs of the family
-``unmodelled2``)."""
+``unmodelled``)."""
 PRIOR = np.array([0.5, *[0.5 / 8.0] * 8])  # weights of the shifts at the start
 STRAY_RATE = 0.05
 """Rate of stops inside the window over that outside [-]: bars may be too thin or too thick for

@@ -68,7 +68,7 @@ class Metadata(BaseModel):
     format: Literal["rough-turning/agent/2"]
     algorithm: str = Field(pattern="^[a-z][a-z0-9_]{0,63}$")
     name: str = Field(pattern=NAME)
-    """Name on leaderboards; a file without it has its algorithm's."""
+    """Name on leaderboards."""
     seed: int = Field(ge=0, le=MAX_NUMBER)
     """Training seed."""
     env_id: str
@@ -103,9 +103,7 @@ class Metadata(BaseModel):
 
     def properties(self) -> dict[str, str]:
         """Return the metadata as ONNX keeps it."""
-        # Older files have no name, and a file without it has its algorithm's.
-        implied = {"name"} if self.name == self.algorithm else None
-        values = self.model_dump(mode="json", exclude=implied)
+        values = self.model_dump(mode="json")
         return {
             name: value if isinstance(value, str) else json.dumps(value)
             for name, value in values.items()
@@ -118,7 +116,7 @@ class Metadata(BaseModel):
         Raises:
             ValueError: something is missing, unknown or not allowed.
         """
-        values: dict[str, Any] = {"name": properties.get("algorithm", "")}
+        values: dict[str, Any] = {}
         for name, text in properties.items():
             field = cls.model_fields.get(name)
             is_json = field is not None and field.annotation in _JSON_FIELDS

@@ -85,8 +85,6 @@ class Variant(BaseModel):
     """Prefixes of the fields whose true values the controller receives on jobs; None: of none."""
     family: str | None = None
     """Family of the jobs; None: the id's own."""
-    hidden: tuple[str, ...] | None = None
-    """Prefixes of the family's hidden fields that the jobs have; None: all."""
 
 
 class Study(BaseModel):
@@ -138,6 +136,10 @@ class Study(BaseModel):
         if self.task in IDS:
             with_changes(self.task, variant.scenario)
         if not variant.algorithm:
+            if variant.settings and self.task == FAMILY_ID:
+                raise ValueError(
+                    f"variants.{name}.settings: a controller plays jobs with its own parameters"
+                )
             return
         if variant.algorithm not in ALGORITHMS:
             raise ValueError(
@@ -219,9 +221,6 @@ def home_of(study: Study, variant: Variant) -> Scenario | Family:
     if not isinstance(home, Family):
         return with_changes(study.task, variant.scenario)
     changes: dict[str, Any] = {}
-    if variant.hidden is not None:
-        changes["name"] = f"{home.name}-part"
-        changes["hidden"] = _beginning_with(variant.hidden, home.hidden)
     if variant.scenario:
         changes["fields"] = home.fields | flat(variant.scenario)
     if variant.lathes is not None:
@@ -229,11 +228,6 @@ def home_of(study: Study, variant: Variant) -> Scenario | Family:
     if not changes:
         return home
     return Family.model_validate(home.model_dump(exclude_none=True) | changes)
-
-
-def _beginning_with(prefixes: tuple[str, ...], fields: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the fields whose names begin with one of some prefixes."""
-    return {name: value for name, value in fields.items() if name.startswith(prefixes)}
 
 
 def run_of(study: Study, name: str, seed: int, runs: Path) -> Run:
@@ -375,7 +369,7 @@ def _played_on_family(
     # The causal oracle receives all true values.
     true_fields = "" if variant.policy == CAUSAL else variant.true_fields
     truthful = family if true_fields is None else Truthful.of(family, true_fields)
-    plays = FamilyPlay(truthful, split, variant.policy, forgets=False, parameters=variant.settings)
+    plays = FamilyPlay(truthful, split, variant.policy, forgets=False)
     work = partial(plays, family.job(0).scenario, jobs, lambda ended: None)
     return _cached(runs, identity, work)
 

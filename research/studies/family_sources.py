@@ -1,7 +1,7 @@
 """Count the numbers of families by what their sources name: data, an assumption, or neither.
 
     python -m research.studies.family_sources
-    python -m research.studies.family_sources unmodelled2 --list assumption
+    python -m research.studies.family_sources unmodelled --list assumption
 
 Counted are the two numbers of each distribution and of each deviation of the truth, the numbers of
 tables, and fields that are plain numbers, which have no source. A source is read clause by clause:

@@ -1,29 +1,26 @@
-"""Show what the hidden forms of the family `unmodelled2` are worth, and that they can be found.
+"""Show what the hidden forms of the family `unmodelled` are worth, and that they can be found.
 
     python -m research.studies.unmodelled_draw
     python -m research.studies.unmodelled_draw --part probe --jobs 64
 
 Training jobs only. ``worth`` plays the strongest simple rules and a planner that knows the forms:
 constants, a regression of the highest speed on all numbers of the context (each job by the others),
-``contextual`` with the law that ships, and ``baselines/oracles/known_forms.py``. ``probe`` predicts
-each form from the history of two edges (``edge_probe.py``), and from the context alone.
-
-Rules' returns are kept in ``RUNS/NAME.jsonl``, so an interrupted study goes on.
+and ``baselines/oracles/known_forms.py``. ``probe`` predicts each form from the history of two edges
+(``edge_probe.py``), and from the context alone.
 """
 
 import argparse
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from baselines import tuned
 from baselines.comparators import CAUSAL
+from baselines.guided import START_SHARE
 from baselines.models.schedule import FORMS
 from baselines.oracles.known_forms import KnownForms, collapses
-from baselines.self_tuning import RULES
+from baselines.self_tuning import RULES, SelfTuning
 from leaderboard.family import FamilyPlay, Truthful
 from leaderboard.play import EPISODE_FIELDS, Episodes, play_family
 from leaderboard.statistics import Bootstrap, Estimate, Floats
@@ -35,9 +32,9 @@ from research.studies.edge_probe import (
     explored,
     left_out_scores,
 )
-from train.tune_contextual import LOG_SPEEDS, NAME, Plays
 from turning_env import Family
 from turning_env.console import described, exits, positive
+from turning_env.numerics.functions import exp
 from turning_env.policy import Policy, PolicyFactory
 from turning_env.scenario.family import Job
 
@@ -45,6 +42,9 @@ SPLIT = "train"
 WORTH_JOBS = 96
 PROBE_JOBS = 384
 BATCH = 64  # jobs that are played together
+LOG_SPEEDS = tuple(np.linspace(np.log(0.42), np.log(1.6), 6).round(3).tolist())
+"""Log highest speeds over the start speed [-]: to the machine's highest speed."""
+LIFE = 0.8  # used life at which edges are changed [-]
 RIDGE = 30.0  # penalty over the squares of the slopes of returns over the context
 PARTS = ("worth", "probe")
 MIN_FORM = 1e-6  # size below which a form is none [-]
@@ -93,12 +93,27 @@ def by_known_forms(family: Family, num_jobs: int) -> Row:
 
 
 def played(family: Family, policy: str, num_jobs: int) -> Row:
-    """Return the row of a controller with its parameters on the family, or of the oracle."""
+    """Return the row of a controller, or of the oracle."""
     truthful = Truthful.of(family) if policy == CAUSAL else family
-    parameters = tuned.on_family(family, policy)
-    plays = FamilyPlay(truthful, SPLIT, policy, forgets=False, parameters=parameters)
+    plays = FamilyPlay(truthful, SPLIT, policy, forgets=False)
     episodes = plays(family.job(0).scenario, range(num_jobs), lambda ended: None)
     return Row(f"`{policy}`", episodes["return"], episodes["edges_broken"])
+
+
+def returns_of_speeds(family: Family, num_jobs: int) -> Floats:
+    """Return the returns of ``self_tuning`` with each highest speed [s], shape (jobs, speeds)."""
+    jobs = [family.job(number, SPLIT) for number in range(num_jobs)]
+    limits = [job.scenario.control.time_limit for job in jobs]
+    fixed: Any = RULES["self_tuning"].fixed
+    returns = np.empty((num_jobs, len(LOG_SPEEDS)))
+    for chunk in chunks_of_similar_length(limits, BATCH):
+        models = [jobs[number].scenario.nominal() for number in chunk]
+        for column, log_speed in enumerate(LOG_SPEEDS):
+            top_speed = START_SHARE * float(exp(log_speed))
+            policy = SelfTuning(models, len(chunk), top_speed=top_speed, change_at=LIFE, **fixed)
+            ended = play_family(family, SPLIT, chunk, make_policy=given(policy), context="hidden")
+            returns[chunk, column] = ended["return"]
+    return returns
 
 
 def by_regression(returns: Floats, context: Floats) -> Row:
@@ -128,18 +143,16 @@ def by_regression(returns: Floats, context: Floats) -> Row:
     return Row("speed by regression on the context", chosen)
 
 
-def worth(family: Family, num_jobs: int, log: Path) -> list[dict[str, str]]:
+def worth(family: Family, num_jobs: int) -> list[dict[str, str]]:
     """Return the table of what knowing the forms is worth."""
-    grid = Plays(family, log).grid(num_jobs)
+    returns = returns_of_speeds(family, num_jobs)
     rows = []
     for column, log_speed in enumerate(LOG_SPEEDS):
         share = float(np.exp(log_speed))
         title = f"`self_tuning`, at most {share:.2f} start speeds"
-        rows.append(Row(title, grid.returns[:, column]))
+        rows.append(Row(title, returns[:, column]))
     context = np.array([family.job(number, SPLIT).context for number in range(num_jobs)])
-    rows.append(by_regression(grid.returns, context))
-    if tuned.on_family(family, NAME):
-        rows.append(played(family, NAME, num_jobs))
+    rows.append(by_regression(returns, context))
     strongest = max(rows, key=lambda row: row.returns.mean())
     rows.append(by_known_forms(family, num_jobs))
     rows.append(played(family, CAUSAL, num_jobs))
@@ -200,20 +213,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
         prog="python -m research.studies.unmodelled_draw", **described(__doc__)
     )
     add = parser.add_argument
-    add("family", nargs="?", default="unmodelled2", help="family (default: %(default)s)")
+    add("family", nargs="?", default="unmodelled", help="family (default: %(default)s)")
     add("--part", choices=PARTS, help="the one table to print (default: both)")
     add(
         "--jobs",
         type=positive,
         help=f"training jobs (default: {WORTH_JOBS} for worth, {PROBE_JOBS} for probe)",
     )
-    add("--runs", type=Path, default=Path("runs"), help="folder of logs (default: %(default)s)")
     options = parser.parse_args(arguments)
     family = Family.load(options.family)
     if options.part != "probe":
-        options.runs.mkdir(parents=True, exist_ok=True)
-        log = options.runs / f"{family.name}_draw.jsonl"
-        print(markdown(worth(family, options.jobs or WORTH_JOBS, log)), flush=True)
+        print(markdown(worth(family, options.jobs or WORTH_JOBS)), flush=True)
     if options.part != "worth":
         print()
         print(markdown(probe(family, options.jobs or PROBE_JOBS)))

@@ -1,4 +1,4 @@
-"""Compare rules that react to their edges with constants and with known forms, on `unmodelled2`.
+"""Compare rules that react to their edges with constants and with known forms, on `unmodelled`.
 
     python -m research.studies.unmodelled_reactions
     python -m research.studies.unmodelled_reactions --part search
@@ -17,8 +17,9 @@ from typing import Any
 import numpy as np
 
 from baselines.comparators import CAUSAL, NOMINAL_SHARE
+from baselines.guided import START_SHARE
 from baselines.reactive import WINDOW_ALONE, Reactions, Reactive
-from baselines.self_tuning import RULES
+from baselines.self_tuning import RULES, SelfTuning
 from leaderboard.family import KNOWN_FORMS, family_task, rule
 from leaderboard.play import EPISODE_FIELDS, Episodes, play_family
 from leaderboard.statistics import (
@@ -34,11 +35,12 @@ from research.studies.edge_probe import chunks_of_similar_length
 from research.studies.unmodelled_draw import Row, cells, given
 from turning_env import Family, Scenario
 from turning_env.console import described, exits, positive
+from turning_env.numerics.functions import exp
 from turning_env.policy import Policy
 
-FAMILY = "unmodelled2"
+FAMILY = "unmodelled"
 SPLITS = ("validation", "train")
-CONSTANT = "contextual"  # a constant on this family
+CONSTANT = "constant"
 REACTING = (CONSTANT, "chip_window", "reactive")
 """The rules, of which the one with the highest mean return is the strongest."""
 TITLES = {
@@ -92,6 +94,13 @@ def reacting(reactions: Reactions) -> Maker:
     return lambda models: Reactive(models, len(models), reactions, **FIXED)
 
 
+def at_constant_speed(models: Sequence[Scenario]) -> Policy:
+    """Return ``self_tuning`` with the highest speed and the used life of ``WINDOW_ALONE``."""
+    top_speed = START_SHARE * float(exp(WINDOW_ALONE.speed))
+    change_at = WINDOW_ALONE.change_at
+    return SelfTuning(models, len(models), top_speed=top_speed, change_at=change_at, **FIXED)
+
+
 def played(family: Family, split: str, jobs: Sequence[int], make: Maker) -> Episodes:
     """Return the episodes of a policy on jobs, in chunks of jobs that last about as long."""
     models = {number: family.job(number, split).scenario.nominal() for number in jobs}
@@ -112,22 +121,25 @@ def table(num_jobs: int, split: str) -> list[dict[str, str]]:
     bootstrap = Bootstrap(num_jobs)
     episodes = {}
     for name in TITLES:
+        if name == CONSTANT:
+            episodes[name] = played(Family.load(FAMILY), split, task.seeds, at_constant_speed)
+            continue
         policy = rule(name, task)
         assert policy.compute is not None
         episodes[name] = policy.compute(task.scenario, task.seeds, lambda ended: None)
-    means = {name: mean_of(played["return"], bootstrap) for name, played in episodes.items()}
+    means = {name: mean_of(ended["return"], bootstrap) for name, ended in episodes.items()}
 
     constant = Row(TITLES[CONSTANT], episodes[CONSTANT]["return"])
     rows = []
     for name, title in TITLES.items():
-        played = episodes[name]
-        row = Row(title, played["return"], played["edges_broken"])
+        ended = episodes[name]
+        row = Row(title, ended["return"], ended["edges_broken"])
         # The constant, whichever rule is the strongest.
         line = cells(row, constant)
         line = {key.replace("the strongest rule", "the constant"): line[key] for key in line}
         score = score_of(means[name], fixed=means[NOMINAL_SHARE], oracle=means[CAUSAL])
         line["Score [-]"] = "" if score is None else shown(score.estimate, decimals=1)
-        severe = severe_share(played["severe_overload_time"], played["engaged_time"])
+        severe = severe_share(ended["severe_overload_time"], ended["engaged_time"])
         line["Severe overload [%]"] = f"{100.0 * severe:.2f}"
         rows.append(line)
     rows.append(worth_of_forms(means))

@@ -15,7 +15,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from baselines import tuned
 from baselines.catalogue import RULES, names, spec
 from tests.turning_env.playing import fixed_actions
 from turning_env import IDS, Family, RoughTurningVectorEnv, Scenario
@@ -26,8 +25,7 @@ EVERY = 8
 NUM_ENVS = 2
 FAMILIES = {
     "shop": ["self_tuning"],
-    "unmodelled": ["contextual"],
-    "unmodelled2": ["chip_window", "reactive"],
+    "unmodelled": ["chip_window", "reactive"],
 }
 """Rules whose actions are recorded on the first job of a family."""
 TOLERANCE = 2e-6
@@ -48,20 +46,9 @@ def observations(scenario: Scenario) -> list[NDArray[np.float32]]:
 
 def actions(name: str, preset: str) -> list[list[float]]:
     """Return a rule's actions on every ``EVERY``-th observation, all environments in one row."""
-    if preset in FAMILIES:
-        family = Family.load(preset)
-        job = family.job(0)
-        scenario = job.scenario
-        policy_spec = spec(
-            name,
-            scenario,
-            further_parameters=tuned.on_family(family, name),
-            numbers=[job.numbers],
-        )
-    else:
-        scenario = Scenario.load(preset)
-        policy_spec = spec(name, scenario)
-    policy = policy_spec.make(NUM_ENVS)
+    is_family = preset in FAMILIES
+    scenario = Family.load(preset).job(0).scenario if is_family else Scenario.load(preset)
+    policy = spec(name, scenario).make(NUM_ENVS)
     policy.reset(np.ones(NUM_ENVS, np.bool_))
     rows = []
     for step, seen in enumerate(observations(scenario)):

@@ -87,8 +87,8 @@ def test_a_batch_decides_as_its_environments_alone_and_as_often_as_it_should():
 
 
 def test_it_remembers_the_edge_that_broke():
-    env, observations = environments(2)  # a bar of adhesive steel, which notches edges
-    models = nominal_models(2)
+    env, observations = environments(9)  # on this lathe, the first edge breaks early
+    models = nominal_models(9)
     rule = GuidedRule(models)
     history = {"edges_broken": 0.0}
     used = 0.0
@@ -136,4 +136,4 @@ def test_a_guide_plays_a_lathe_that_changes_edges_by_itself():
 
 def test_a_number_that_a_context_lacks_is_named():
     with pytest.raises(ValueError, match="stiffness"):
-        FAMILY.context_of(FAMILY.job(5).scenario, {"heat": 0.5})
+        FAMILY.context_of(FAMILY.job(5).scenario, {"adhesion": 0.5})

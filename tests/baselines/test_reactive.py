@@ -14,7 +14,7 @@ from baselines.self_tuning import RULES
 from turning_env import Family, FamilyVectorEnv
 from turning_env.physics.quantities import OBS
 
-FAMILY = Family.load("unmodelled2")
+FAMILY = Family.load("unmodelled")
 FIXED: Any = RULES["self_tuning"].fixed
 REACTIONS = Reactions(
     speed=-0.3,

@@ -37,7 +37,7 @@ from leaderboard.trajectories import Trajectories
 from tests.leaderboard.agents import onnx_agents
 from tests.leaderboard.conftest import play_all
 from tests.turning_env.test_family_env import BRIEF, BRIEF_FAMILY
-from turning_env import FAMILY_ID, Family
+from turning_env import FAMILY_ID
 from turning_env.physics.quantities import OBS
 from turning_env.policy import Actions, Observations, Policy
 from turning_env.scenario.sections import EdgeFailure
@@ -216,18 +216,8 @@ def test_a_split_has_a_name_and_a_number_of_jobs() -> None:
         family_task(BRIEF_FAMILY, None, 10_000)
 
 
-def test_a_family_with_forms_has_parameters_and_a_variant_of_its_own() -> None:
-    shop = family_task("shop", "validation", 1)
-    unmodelled = family_task("unmodelled", "validation", 1)
-    usual = one_named("self_tuning", shop).parameters
-    of_the_family = one_named("self_tuning", unmodelled).parameters
-    assert of_the_family.keys() - usual.keys() == {"top_speed", "change_at"}
-    with_true_forms = one_named("self_tuning", unmodelled, knows="true_forms")
-    assert with_true_forms.title == "self_tuning with true forms"
-
-
 def test_known_forms_play_only_families_that_hide_some() -> None:
-    unmodelled = family_task("unmodelled2", "validation", 1)
+    unmodelled = family_task("unmodelled", "validation", 1)
     known = one_named(KNOWN_FORMS, unmodelled)
     assert known.kind == "oracle"
     play = known.compute
@@ -236,16 +226,6 @@ def test_known_forms_play_only_families_that_hide_some() -> None:
     assert nominal.edge_failure != EdgeFailure()
     with pytest.raises(ResultError, match="no policy is called known_forms"):
         named([KNOWN_FORMS], family_task("shop", "validation", 1))
-
-
-def test_private_jobs_change_no_parameters() -> None:
-    public = Family.load("unmodelled")
-    private = public.model_copy(update={"held_out_key": "of an organiser"})
-    parameters = [
-        one_named("self_tuning", family_task(family, "validation", 1)).parameters
-        for family in (public, private)
-    ]
-    assert parameters[0] == parameters[1]
 
 
 def test_trajectories_of_jobs_are_those_that_were_played(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """Inputs of agents as tables state them, against their files and algorithms."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -15,12 +16,15 @@ from train.agent_inputs import DistanceTracker
 from turning_env import Scenario
 
 SCENARIO = Scenario.load("rough_turning")
-PPO = "python -m train.ppo --seed 0"
-ANALYTIC_GRADIENT = "python -m train.analytic_gradient --seed 0"
+REWARDS = ("rewards",)
+LIFE_PRICE = ("life price", "spreads")
+GRADIENTS = ("model gradients", "true states", "geometry")
 
 
-def agent(command: str | None, **parameters: object) -> PolicySpec:
-    return spec("mine", seed=0, command=command, parameters=parameters)
+def agent(inputs: Sequence[str], **parameters: object) -> PolicySpec:
+    """Return an agent whose file states these inputs of its training."""
+    stated = {"training_information": list(inputs)}
+    return spec("mine", seed=0, parameters=stated | parameters)
 
 
 def information_of(policy: PolicySpec, scenario: Scenario = SCENARIO) -> Information:
@@ -45,7 +49,8 @@ def test_agents_ship() -> None:
 def test_shipped_agents_have_the_memory_that_the_table_states(shipped: AgentFile) -> None:
     metadata = shipped.metadata
     parameters = metadata.parameters
-    stated = information_of(agent(metadata.command, **parameters), metadata.scenario)
+    shipped_agent = spec("shipped", seed=0, parameters=parameters)
+    stated = information_of(shipped_agent, metadata.scenario)
     assert stated.seen is not None
     if "cells" in parameters:
         expected = parameters["cells"]
@@ -55,93 +60,50 @@ def test_shipped_agents_have_the_memory_that_the_table_states(shipped: AgentFile
         num_entries = len(metadata.observation_space.low)
         earlier_frames = parameters.get("frames", 1) - 1
         # A recurrent network has two states per cell.
-        expected = 2 * parameters.get("memory_cells", 0) + earlier_frames * num_entries
+        expected = 2 * parameters.get("lstm_hidden_size", 0) + earlier_frames * num_entries
     assert shipped.memory_size == expected
     assert ("memory" in stated.seen) == (shipped.memory_size > 0)
 
 
 def test_shipped_agents_were_trained_for_the_stated_environment_steps(shipped: AgentFile) -> None:
     metadata = shipped.metadata
-    stated = information_of(agent(metadata.command, **metadata.parameters), metadata.scenario)
+    shipped_agent = spec("shipped", seed=0, parameters=metadata.parameters)
+    stated = information_of(shipped_agent, metadata.scenario)
     steps = metadata.trained_steps
     if metadata.parameters.get("guide"):
         steps *= HOLD  # a guide's training counts decisions
     assert stated.steps == steps
 
 
-@pytest.mark.parametrize(
-    "command",
-    [None, "train it", "python -m train.export mine.zip", "python -m train.ppo_of_mine --seed 0"],
-)
-def test_what_is_not_stated_is_not_guessed(command: str | None) -> None:
-    policy = agent(command)
+def test_what_is_not_stated_is_not_guessed() -> None:
+    policy = spec("mine", seed=0, command="python -m train.ppo --seed 0")
     assert class_of(policy) == "other agent"
     assert information_of(policy) == Information(given=None, seen=None, steps=None)
 
 
 def test_a_plain_training_has_no_inputs_but_rewards() -> None:
-    stated = information_of(
-        agent(
-            PPO,
-            position=False,
-            frames=1,
-            life_price="flat",
-        )
-    )
-    assert stated.given == ("rewards",)
+    stated = information_of(agent(REWARDS, position=False, frames=1))
+    assert stated.given == REWARDS
     assert stated.seen == ()
 
 
-def test_terms_of_training_are_stated() -> None:
-    stated = information_of(
-        agent(
-            PPO,
-            position=True,
-            frames=4,
-            life_price="marginal",
-        )
-    )
-    assert stated.given == ("rewards", "life price", "spreads")
+def test_inputs_have_the_order_of_tables() -> None:
+    stated = information_of(agent([*LIFE_PRICE, *REWARDS], position=True, frames=4))
+    assert stated.given == (*REWARDS, *LIFE_PRICE)
     assert stated.seen == ("memory", "position")
-    asymmetric = information_of(agent(PPO, asymmetric=True))
-    assert asymmetric.given == ("rewards", "true states")
-
-
-def test_terms_that_a_training_leaves_out_are_not_stated() -> None:
-    stated = information_of(
-        agent(
-            ANALYTIC_GRADIENT,
-            position=False,
-            memory=False,
-            life_price="flat",
-        )
-    )
-    assert stated.given == ("model gradients", "true states", "geometry")
-    assert stated.seen == ()
 
 
 @pytest.mark.parametrize(
     ("policy", "expected"),
     [
-        pytest.param(agent(PPO, life_price="end"), "model-free agent", id="flat price of life"),
-        pytest.param(agent(PPO, life_price="marginal"), "privileged agent", id="price p(D)"),
-        pytest.param(agent(PPO, asymmetric=True), "privileged agent", id="asymmetric critic"),
-        pytest.param(agent(ANALYTIC_GRADIENT), "privileged agent", id="model gradients"),
-        pytest.param(
-            agent("python -m train.guided_ppo --seed 0", guide=True),
-            "learned guide of a rule",
-            id="guide",
-        ),
-        pytest.param(agent(PPO, belief=True), "agent on a belief", id="belief"),
-        pytest.param(
-            agent(None, training_information=["rewards"]), "model-free agent", id="stated inputs"
-        ),
-        pytest.param(agent(PPO, training_information="all"), "other agent", id="no statement"),
-        pytest.param(
-            agent(None, training_information=["rule's actions"], belief=True),
-            "student of a rule",
-            id="imitation",
-        ),
+        pytest.param(agent(REWARDS), "model-free agent", id="rewards"),
+        pytest.param(agent([*REWARDS, *LIFE_PRICE]), "privileged agent", id="price p(D)"),
+        pytest.param(agent([*REWARDS, "true states"]), "privileged agent", id="asymmetric critic"),
+        pytest.param(agent(GRADIENTS), "privileged agent", id="model gradients"),
+        pytest.param(agent(REWARDS, guide=True), "learned guide of a rule", id="guide"),
+        pytest.param(agent(REWARDS, belief=True), "agent on a belief", id="belief"),
+        pytest.param(agent(["wishes"]), "other agent", id="unknown inputs"),
+        pytest.param(agent(["rule's actions"], belief=True), "student of a rule", id="imitation"),
         pytest.param(spec("rule"), "rule", id="rule"),
         pytest.param(spec("oracle", kind="oracle"), "oracle", id="oracle"),
     ],
@@ -151,10 +113,10 @@ def test_the_class_follows_from_the_inputs_of_training(policy: PolicySpec, expec
 
 
 def test_a_guide_counts_environment_steps() -> None:
-    guide = agent("python -m train.guided_ppo --seed 0", guide=True, total_timesteps=1_500_000)
+    guide = agent(REWARDS, guide=True, total_timesteps=1_500_000)
     assert information_of(guide).steps == 45_000_000
 
 
 @pytest.mark.parametrize("steps", [-1, 10**400, 1.5, "many", True])
 def test_a_number_of_steps_that_no_training_has_is_not_stated(steps: object) -> None:
-    assert information_of(agent(PPO, total_timesteps=steps)).steps is None
+    assert information_of(agent(REWARDS, total_timesteps=steps)).steps is None

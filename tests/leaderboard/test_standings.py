@@ -184,8 +184,8 @@ def test_leads_are_shown_also_without_the_largest_differences(
 
 
 def test_tracks_and_classes_rank_for_themselves(make_result: MakeResult) -> None:
-    learned = spec("learned", seed=0, command="python -m train.ppo --seed 0")
-    taught = spec("taught", seed=0, command="python -m train.analytic_gradient --seed 0")
+    learned = spec("learned", seed=0, parameters={"training_information": ["rewards"]})
+    taught = spec("taught", seed=0, parameters={"training_information": ["true states"]})
     oracle = spec("known", kind="oracle")
     standings = standings_of(
         [
@@ -218,14 +218,13 @@ def test_agents_share_a_name_if_their_training_is_the_same_and_none_joins_one_th
     make_result: MakeResult, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(leaderboard_policies, "shipped_agents", lambda: {"a": "ppo", "b": "ppo"})
-    short = {"gamma": 0.9}
-    written_out = {"gamma": 0.9, "frames": 1}  # a training without frames has one
+    plain = {"gamma": 0.9, "frames": 1}
     framed = {"gamma": 0.9, "frames": 4}
     policies = [
-        spec("ppo", seed=0, parameters=short, sha256="mine"),
-        spec("ppo", seed=1, parameters=short, sha256="a"),
-        spec("ppo", seed=2, parameters=written_out, sha256="b"),
-        spec("ppo", seed=3, parameters=written_out, sha256="mine too"),
+        spec("ppo", seed=0, parameters=plain, sha256="mine"),
+        spec("ppo", seed=1, parameters=plain, sha256="a"),
+        spec("ppo", seed=2, parameters=plain, sha256="b"),
+        spec("ppo", seed=3, parameters=plain, sha256="mine too"),
         spec("ppo", seed=4, parameters=framed, sha256="another"),
     ]
     standings = standings_of([make_result("ppo", policy=policy) for policy in policies])
@@ -236,18 +235,11 @@ def test_agents_share_a_name_if_their_training_is_the_same_and_none_joins_one_th
 
 
 def test_trainings_with_other_inputs_have_names_of_their_own(make_result: MakeResult) -> None:
-    """Older files name the inputs by their command, newer ones state them."""
-    by_command = spec(
-        "ppo",
-        seed=0,
-        command="python -m train.ppo --seed 0",
-        parameters={},
-    )
-    stated = {"training_information": ["rewards"]}
+    rewards = {"training_information": ["rewards"]}
     taught = {"training_information": ["rewards", "true states"]}
     policies = [
-        by_command,
-        spec("ppo", seed=1, parameters=stated),
+        spec("ppo", seed=0, parameters=rewards),
+        spec("ppo", seed=1, parameters=rewards),
         spec("ppo", seed=2, parameters=taught),
     ]
     standings = standings_of([make_result("ppo", policy=policy) for policy in policies])

@@ -67,13 +67,7 @@ def test_an_interrupted_training_gives_the_same_guide_whose_file_plays_jobs(tmp_
 
 def test_a_guide_plays_a_lathe_of_ones_own() -> None:
     agent = onnx_policy.load(Path("agents/RoughTurning-Family-v0/unmodelled/guided_ppo-seed0.onnx"))
-    values = {
-        "heat": 0.5,
-        "adhesion": 0.5,
-        "abrasion": 0.3,
-        "toughness": 0.6,
-        "heat_resistance": 0.5,
-    }
+    values = {"adhesion": 0.5}
     env = RoughTurningVectorEnv(2)
     observations, _ = env.reset(seed=[0, 1])
     guide = informed(agent, Scenario(), values | {"stiffness": 0.7})(2)

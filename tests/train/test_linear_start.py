@@ -24,7 +24,7 @@ class Linear(Policy):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["shop", "unmodelled", "unmodelled2"])
+@pytest.mark.parametrize("name", ["shop", "unmodelled"])
 def test_the_start_plays_the_nominal_optimum_of_each_job(name: str) -> None:
     """As the rule that knows it: jobs of another split than those on which it is fitted."""
     family = Family.load(name)

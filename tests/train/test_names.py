@@ -1,6 +1,7 @@
-"""Hyperparameters have Stable-Baselines3's names; older names are still understood."""
+"""Hyperparameters have Stable-Baselines3's names, in the files of agents as well."""
 
-from dataclasses import replace
+import shlex
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -8,16 +9,14 @@ import pytest
 from leaderboard.agents import agent_file
 from tests.train.small import ALGORITHMS, small_run
 from train import dagger
-from train import run as runs
-from train.run import OLD_NAMES, Run, current_names, examples, hyperparameters, overrides
+from train.run import Run, examples, hyperparameters, overrides
 
 AGENTS = Path(__file__).parents[2] / "agents"
+SHIPPED = sorted(AGENTS.glob("*/*/*-seed0.onnx"))
 
 
-@pytest.mark.parametrize(
-    "path", sorted(AGENTS.glob("*/*/*-seed0.onnx")), ids=lambda path: path.stem
-)
-def test_every_hyperparameter_of_a_shipped_agent_has_a_present_name(path: Path) -> None:
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+def test_every_hyperparameter_of_a_shipped_agent_is_known(path: Path) -> None:
     metadata = agent_file.read(path).metadata
     known = set(hyperparameters(metadata.algorithm, metadata.env_id))
     known |= set(hyperparameters("ppo", metadata.env_id)) | {
@@ -25,23 +24,17 @@ def test_every_hyperparameter_of_a_shipped_agent_has_a_present_name(path: Path) 
         "context",
         "training_information",
     }
-    unknown = set(current_names(metadata.parameters)) - known
+    unknown = set(metadata.parameters) - known
     assert unknown == set()
 
 
-def test_old_names_are_no_present_names_but_for_the_switch_of_memory() -> None:
-    present: set[str] = set()
-    for algorithm in runs.ALGORITHMS:
-        present |= hyperparameters(algorithm, "RoughTurning-v0").keys()
-    assert present & set(OLD_NAMES) == {"memory"}
-    assert set(OLD_NAMES.values()) <= present
-
-
-def test_memory_is_a_size_or_a_switch() -> None:
-    assert current_names({"memory": 1_000}) == {"buffer_size": 1_000}
-    assert current_names({"memory": True}) == {"memory": True}
-    assert overrides("sac", ["memory=1000"]) == {"buffer_size": 1000}
-    assert overrides("analytic_gradient", ["memory=false"]) == {"memory": False}
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+def test_the_command_of_a_shipped_agent_is_understood(path: Path) -> None:
+    metadata = agent_file.read(path).metadata
+    words = shlex.split(metadata.command)
+    settings = [setting for word, setting in pairwise(words) if word == "--set"]
+    for name, value in overrides(metadata.algorithm, settings).items():
+        assert metadata.parameters[name] == value
 
 
 def test_a_count_may_be_written_as_a_power_of_ten() -> None:
@@ -53,21 +46,6 @@ def test_a_count_may_be_written_as_a_power_of_ten() -> None:
 def test_a_switch_is_true_or_false() -> None:
     with pytest.raises(ValueError, match="belief is 'maybe', but must be true or false"):
         overrides("ppo", ["belief=maybe"])
-
-
-def test_commands_on_cards_are_understood() -> None:
-    assert overrides("ppo", ["discount=0.9", "hidden_layers=[8]"]) == {
-        "gamma": 0.9,
-        "net_arch": [8],
-    }
-
-
-def test_a_run_with_old_names_is_read(tmp_path: Path) -> None:
-    run = small_run(ALGORITHMS["ppo"], tmp_path)
-    present_names = {new: old for old, new in OLD_NAMES.items()}
-    old_parameters = {present_names.get(name, name): v for name, v in run.parameters.items()}
-    replace(run, parameters=old_parameters).begin()
-    assert Run.read(run.folder) == run
 
 
 def test_an_id_has_the_defaults_but_for_its_own_values() -> None:

@@ -8,7 +8,7 @@ import pytest
 from baselines.models.chip_window import SHIFTS, ChipWindow
 from turning_env import Family, Scenario, read
 
-FAMILY = Family.load("unmodelled2")
+FAMILY = Family.load("unmodelled")
 MODEL = FAMILY.job(0).scenario.nominal()
 LOW, HIGH = MODEL.feed_range
 

@@ -18,6 +18,7 @@ from research.studies.compare import (
 )
 from tests.train.small import PARAMETERS
 from turning_env import Family, Scenario
+from turning_env.console import UserError
 
 SMALL = PARAMETERS["ppo"] | {"total_timesteps": 600, "n_steps": 32, "batch_size": 64}
 SETTINGS = ", ".join(f"{key} = {value}" for key, value in SMALL.items())
@@ -144,12 +145,6 @@ def test_agents_of_a_family_learn_on_as_many_lathes_with_such_sensors_as_a_study
     assert few.job(16, "validation").scenario != few.job(0, "validation").scenario
     assert all_lathes == Family.load("shop")
 
-    twins = Study.read("twins_unmodelled")
-    twin = home_of(twins, twins.variant("ppo_all"))
-    assert isinstance(twin, Family)
-    assert twin.job(0).scenario.sensors.observes_all
-    assert twin.hidden == Family.load("unmodelled").hidden
-
 
 def test_leads_are_over_another_variant_seed_by_seed() -> None:
     """Seeds differ by far more than the variants do."""
@@ -213,6 +208,13 @@ def test_true_laws_change_what_a_controller_earns_on_a_job(
     assert main([str(study), "--runs", str(tmp_path / "runs")]) == 0
     _, _, nominal_laws, true_laws = capsys.readouterr().out.splitlines()
     assert cells(nominal_laws)[1] != cells(true_laws)[1]
+
+
+def test_parameters_of_a_controller_on_jobs_are_refused(tmp_path: Path) -> None:
+    study = tmp_path / "mine.toml"
+    study.write_text(f"{TRUE_LAWS}settings = {{ top_speed = 0.5 }}\n")
+    with pytest.raises(UserError, match="plays jobs with its own parameters"):
+        Study.read(str(study))
 
 
 @pytest.mark.parametrize(

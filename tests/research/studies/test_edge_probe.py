@@ -9,7 +9,7 @@ from research.studies.edge_probe import (
 )
 from turning_env import Family
 
-SHORT = {"extends": "unmodelled2", "planned": {"control.time_limit": 3.0}}
+SHORT = {"extends": "unmodelled", "planned": {"control.time_limit": 3.0}}
 """Jobs of a few minutes."""
 
 

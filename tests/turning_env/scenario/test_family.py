@@ -15,15 +15,19 @@ from turning_env.scenario.sections import EdgeFailure, Mismatch
 SHOP = Family.load("shop")
 SHOP2 = Family.load("shop2")
 UNMODELLED = Family.load("unmodelled")
-UNMODELLED2 = Family.load("unmodelled2")
 JOBS = {
-    "train": "67b14524b7e305a5",
-    "validation": "ab00820dc183e917",
-    "unseen_jobs": "ad9b5f9382a87067",
-    "unseen_materials": "f0d745f1f19b49a6",
-    "unseen_machines": "22815411f48502ec",
+    ("shop", "train"): "67b14524b7e305a5",
+    ("shop", "validation"): "ab00820dc183e917",
+    ("shop", "unseen_jobs"): "ad9b5f9382a87067",
+    ("shop", "unseen_materials"): "f0d745f1f19b49a6",
+    ("shop", "unseen_machines"): "22815411f48502ec",
+    ("unmodelled", "train"): "1d50f8b06c0aea51",
+    ("unmodelled", "validation"): "ee0d917b15375188",
+    ("unmodelled", "unseen_jobs"): "42b2eccd0602ef14",
+    ("unmodelled", "unseen_materials"): "46ea6647a7b78791",
+    ("unmodelled", "unseen_machines"): "2fef29571f1add4c",
 }
-"""Golden digests of all jobs of the family `shop`."""
+"""Golden digests of all jobs of each split of the families that have results."""
 SMALL = {
     "name": "small",
     "base": "shift",
@@ -112,27 +116,28 @@ def test_every_job_makes_sense_and_is_a_scenario(split):
     assert job.context.shape == (len(SHOP.context_names),)
 
 
-def digest_of_jobs(split):
+def digest_of_jobs(family, split):
     """Return a digest of all jobs of a split: nominal values, true values, and the context."""
     digest = hashlib.sha256()
-    num_jobs = SHOP.jobs if split == "train" else SHOP.held_out_jobs
+    num_jobs = family.jobs if split == "train" else family.held_out_jobs
     for chunk in range(math.ceil(num_jobs / CHUNK)):
-        jobs = SHOP.draw(split, chunk)
+        jobs = family.draw(split, chunk)
         for fields in (jobs.nominal_fields, jobs.true_fields):
             for name, values in fields.items():
                 digest.update(name.encode() + np.asarray(values, np.float64).tobytes())
-        digest.update(SHOP.context(jobs.features).tobytes())
+        digest.update(family.context(jobs.features).tobytes())
     return digest.hexdigest()[:16]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("split", SHOP.splits)
-def test_jobs_are_as_released_on_every_processor(split):
-    assert digest_of_jobs(split) == JOBS[split], "jobs have changed: the family needs a new version"
+@pytest.mark.parametrize(("name", "split"), JOBS)
+def test_jobs_are_as_released_on_every_processor(name, split):
+    digest = digest_of_jobs(Family.load(name), split)
+    assert digest == JOBS[name, split], "jobs have changed: the family needs a new version"
 
 
 def test_a_family_is_the_same_from_a_dict_and_a_file(tmp_path):
-    assert families() == ("shop", "shop2", "unmodelled", "unmodelled2")
+    assert families() == ("shop", "shop2", "unmodelled")
     assert Family.load(SHOP.model_dump(mode="json", exclude_none=True)) == SHOP
     path = tmp_path / "mine.toml"
     path.write_text('[variables]\n[fields]\n"limits.power" = 6.5\n')
@@ -186,11 +191,11 @@ def test_hidden_forms_are_true_and_the_nominal_model_knows_none_of_them():
     true = flat(scenario.model_dump(exclude={"name", "nominal_model"}))
     true_fields = UNMODELLED.draw("train", 0).true_fields
     assert UNMODELLED.hidden
-    for name, formula in UNMODELLED.hidden.items():
+    for name in UNMODELLED.hidden:
         drawn = np.broadcast_to(true_fields[name], CHUNK)
         assert true[name] == drawn[3]
-        varies = len(np.unique(drawn)) > 1
-        assert varies == isinstance(formula, str)
+    # Edges of some lathes collapse; those of the others bear any temperature.
+    assert len(np.unique(true_fields["edge_failure.collapse_temperature"])) == 2
 
 
 def test_forms_of_the_laws_differ_between_truth_and_nominal_model_in_a_known_share_of_jobs():
@@ -240,7 +245,7 @@ def test_start_speeds_depend_on_the_grade():
 
 
 def test_about_half_of_the_lathes_have_each_form_and_no_nominal_model_has_any():
-    jobs = UNMODELLED2.draw("train", 0)
+    jobs = UNMODELLED.draw("train", 0)
     failure = jobs.true.edge_failure
     nominal_windows = jobs.nominal_fields["swarf.chip_feed_min"]
     present = [
@@ -255,19 +260,22 @@ def test_about_half_of_the_lathes_have_each_form_and_no_nominal_model_has_any():
     # One form says nothing of another.
     correlations = np.corrcoef(present) - np.eye(len(present))
     assert np.abs(correlations).max() < 0.25
-    nominal = UNMODELLED2.job(0).scenario.nominal()
+    nominal = UNMODELLED.job(0).scenario.nominal()
     assert nominal.edge_failure == EdgeFailure()
     assert nominal.machine.chatter == 0.0
-    assert set(nominal_windows) <= {row[0] for row in UNMODELLED2.tables["breaker"].rows.values()}
+    assert set(nominal_windows) <= {row[0] for row in UNMODELLED.tables["breaker"].rows.values()}
 
 
 def test_a_family_extends_another_and_shows_values_of_a_catalogue(tmp_path):
-    assert UNMODELLED.base == SHOP.base
-    assert UNMODELLED.fields == SHOP.fields
-    assert UNMODELLED.tables["machine"].held_out == SHOP.tables["machine"].held_out
-    assert UNMODELLED.context_names == (*SHOP.context_names, *UNMODELLED.shown)
-    heats = UNMODELLED.draw("train", 0).features["heat"]
-    assert set(heats.round(6)) <= {row[3] for row in UNMODELLED.tables["material"].rows.values()}
+    assert UNMODELLED.base == SHOP2.base
+    law = "material.power.coefficient"
+    assert UNMODELLED.fields[law] == SHOP2.fields[law]
+    assert UNMODELLED.tables["machine"].held_out == SHOP2.tables["machine"].held_out
+    assert UNMODELLED.context_names == (*SHOP2.context_names, *UNMODELLED.shown)
+    adhesions = UNMODELLED.draw("train", 0).features["adhesion"]
+    material = UNMODELLED.tables["material"]
+    column = material.columns.index("adhesion")
+    assert set(adhesions.round(6)) <= {row[column] for row in material.rows.values()}
     (tmp_path / "mine.toml").write_text('extends = "shopp"')
     with pytest.raises(ScenarioError, match="did you mean shop"):
         Family.load(tmp_path / "mine.toml")
@@ -400,10 +408,10 @@ def test_errors_name_the_field_and_what_is_allowed(changes, message):
 
 @pytest.mark.parametrize("split", ["unseen_materials", "unseen_machines"])
 def test_jobs_are_played_though_the_first_one_has_another_form_of_a_law(split):
-    first = UNMODELLED2.job(0, split).scenario
-    others = UNMODELLED2.draw(split, 0).true.material.power
+    first = UNMODELLED.job(0, split).scenario
+    others = UNMODELLED.draw(split, 0).true.material.power
     assert first.material.power.wear_growth == 0.0
     assert (others.wear_growth > 0.0).any()
-    env = FamilyVectorEnv(2, UNMODELLED2, split=split)
+    env = FamilyVectorEnv(2, UNMODELLED, split=split)
     observations, _ = env.reset(seed=[0, 1])
     assert np.isfinite(observations).all()
