@@ -38,7 +38,7 @@ install = .venv/bin/python tools/requirements.py $(1) | $(INSTALL) -r -
 CARDS ?= $(wildcard agents/*/*/*.md)
 SEEDS ?= 0-9
 # The commit that holds the agents of all training seeds.
-ALL_SEEDS ?= 63567af0a797b4059ace60e06074ee8e2f683243
+ALL_SEEDS ?= 4adfdd8125bb0c3aa665047609af290d8b797d4f
 
 # Processors that `make processors` imitates: kernels of OpenBLAS; the C library and compiled code without newer instructions; NumPy without AVX-512,
 # then without any optional instructions.
