@@ -36,7 +36,7 @@ def script(cells: list[dict[str, Any]]) -> str:
         code,
         flags=re.MULTILINE,
     )
-    code = re.sub(r"(python -m turning_env advise \S+)", r"\1 --seeds 2", code)
+    code = re.sub(r"(python -m turning_shop advise \S+)", r"\1 --seeds 2", code)
     command = r"import subprocess; subprocess.run('''\1''', shell=True, check=True)"
     # A backslash at a line's end continues the command.
     return re.sub(

@@ -166,7 +166,7 @@ def digests_with_others(
         for path in SHOP_FILES:
             shutil.copy(ROOT / "shop" / "examples" / path, environment.empty)
         for command in SHOP_COMMANDS:
-            environment.run("-I", "-m", "turning_env", *command.split())
+            environment.run("-I", "-m", "turning_shop", *command.split())
         return plays
 
 

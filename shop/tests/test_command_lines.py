@@ -9,10 +9,10 @@ from tests.test_command_lines import PACKAGES as BENCHMARK
 from tests.walking import ROOT
 
 PACKAGES = ("turning_shop", "turning_nc", "turning_control")
-OF_TURNING_ENV = ["calibrate", "predict", "whatif", "advise", "map", "program"]
+OF_SHOP = ["calibrate", "predict", "whatif", "tools", "advise", "map", "program"]
 COMMANDS = [
     *command_modules(ROOT / "shop", PACKAGES),
-    *[f"turning_env {name}" for name in OF_TURNING_ENV],
+    *[f"turning_shop {name}" for name in OF_SHOP],
     "turning_control serve",
     "turning_control log",
     "turning_control opcua",
@@ -20,39 +20,40 @@ COMMANDS = [
 
 MISTAKES = {
     # A name that does not exist.
-    "turning_env program nothing.mpf --scenario rough_turning": "nothing.mpf",
-    "turning_env calibrate nothing.csv --out made.toml": "nothing.csv",
-    "turning_env predict nothing.csv": "nothing.csv",
-    "turning_env whatif nothing --cutting-speed 100 --feed 0.3 --wear 0.2": "nothing",
-    "turning_env advise nothing": "nothing",
-    "turning_env map nothing --wear 0.2 --out made.png": "nothing",
+    "turning_shop program nothing.mpf --scenario rough_turning": "nothing.mpf",
+    "turning_shop calibrate nothing.csv --out made.toml": "nothing.csv",
+    "turning_shop predict nothing.csv": "nothing.csv",
+    "turning_shop whatif nothing --cutting-speed 100 --feed 0.3 --wear 0.2": "nothing",
+    "turning_shop advise nothing": "nothing",
+    "turning_shop map nothing --wear 0.2 --out made.png": "nothing",
+    "turning_shop nothing": "nothing",
     "turning_control nothing": "nothing",
     "turning_control demo --scenario nothing": "nothing",
     "turning_control serve --policy nothing": "nothing",
     "turning_control shield --env nothing": "nothing",
     # A folder in place of a file.
-    "turning_env calibrate . --out made.toml": ".",
-    "turning_env program . --scenario rough_turning": ".",
+    "turning_shop calibrate . --out made.toml": ".",
+    "turning_shop program . --scenario rough_turning": ".",
     # A name with a spelling mistake: the nearest one is proposed.
-    "turning_env advise --material P6 --tool CNMG120408 --grade P25 --stok 80x200": (
+    "turning_shop advise --material P6 --tool CNMG120408 --grade P25 --stok 80x200": (
         "did you mean --stock?"
     ),
     "turning_control log opc.tcp://127.0.0.1:1 --appendix": "did you mean --append?",
     # A number out of its range, or none.
-    "turning_env whatif forging --cutting-speed -1 --feed 0.3 --wear 0.2": "0.1 to 5000 m/min",
-    "turning_env whatif forging --cutting-speed 100 --feed 0.1:0.2 --wear 0.2": "0.1:0.2",
-    "turning_env map forging --wear 0.31 --out made.png": "0.3 mm",
-    "turning_env advise --material P6 --tool CNMG120408 --grade P25 --stock 80x200 --depth 2cm": (
+    "turning_shop whatif forging --cutting-speed -1 --feed 0.3 --wear 0.2": "0.1 to 5000 m/min",
+    "turning_shop whatif forging --cutting-speed 100 --feed 0.1:0.2 --wear 0.2": "0.1:0.2",
+    "turning_shop map forging --wear 0.31 --out made.png": "0.3 mm",
+    "turning_shop advise --material P6 --tool CNMG120408 --grade P25 --stock 80x200 --depth 2cm": (
         "give mm, such as 2.5, or inch, such as 0.08in"
     ),
-    "turning_env advise forging --seeds -1": "-1",
+    "turning_shop advise forging --seeds -1": "-1",
     "turning_control shield --target x": "x",
     "turning_control attack --candidates 0": "0",
     # Options that are missing, or do not go together.
-    "turning_env whatif forging --cutting-speed 100 --feed 0.3": "--wear",
-    "turning_env whatif forging --cutting-speed 100 --feed 0.3 --wear 0.2 --time 1": "--time",
-    "turning_env program nothing.mpf --scenario rough_turning --tool T1": "T1",
-    "turning_env map forging --wear 0.2 --out made.txt": "made.txt",
+    "turning_shop whatif forging --cutting-speed 100 --feed 0.3": "--wear",
+    "turning_shop whatif forging --cutting-speed 100 --feed 0.3 --wear 0.2 --time 1": "--time",
+    "turning_shop program nothing.mpf --scenario rough_turning --tool T1": "T1",
+    "turning_shop map forging --wear 0.2 --out made.txt": "made.txt",
     "turning_control opcua --policy programmed": "--url",
 }
 """What the error must contain, by the command line with a mistake."""

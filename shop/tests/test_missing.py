@@ -12,7 +12,7 @@ pytestmark = pytest.mark.slow
 @pytest.mark.parametrize(
     ("package", "command"),
     [
-        ("scipy", "turning_env calibrate shop/examples/cuts.csv --out FILE"),
+        ("scipy", "turning_shop calibrate shop/examples/cuts.csv --out FILE"),
         (
             "asyncua",
             "turning_control opcua --url opc.tcp://127.0.0.1:1 --nodes FILE --policy programmed",

@@ -1,4 +1,4 @@
-"""The command ``python -m turning_env program`` and its options.
+"""The command ``python -m turning_shop program`` and its options.
 
 ``play_command`` carries it out.
 """
@@ -27,9 +27,9 @@ def program(options: argparse.Namespace) -> int:
     words of tools that the scenario does not describe. The adapted program is simulation output. Do
     not run it on a machine without review.
 
-    python -m turning_env program part.mpf --scenario my_tool.toml --stock bar:80x120+1 \
+    python -m turning_shop program part.mpf --scenario my_tool.toml --stock bar:80x120+1 \
         --figure part.png
-    python -m turning_env program part.mpf --scenario my_tool.toml --stock bar:80x120+1 \
+    python -m turning_shop program part.mpf --scenario my_tool.toml --stock bar:80x120+1 \
         --adapt words --out part.simulated.mpf
     """
     from turning_nc.play_command import play_program

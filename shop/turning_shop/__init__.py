@@ -1,7 +1,7 @@
 """Tools for a process engineer: calibrate a scenario from measured cuts, predict, map and advise.
 
-``command`` adds their commands to ``python -m turning_env``. Playing and scoring of policies belong
-in ``leaderboard``.
+``command`` adds their commands to ``python -m turning_shop``. Playing and scoring of policies
+belong in ``leaderboard``.
 """
 
 from collections.abc import Iterator, Sequence

@@ -1,6 +1,6 @@
 """Calibrate a material: fit its laws to measured cuts, report the uncertainty, write a scenario.
 
-The command is ``python -m turning_env calibrate``; shop/docs/your_own_machine.md is the tutorial.
+The command is ``python -m turning_shop calibrate``; shop/docs/your_own_machine.md is the tutorial.
 ``fit.py`` fits one law, and ``plausibility.py`` judges rows and laws.
 """
 
@@ -508,7 +508,7 @@ def _toml_lines(
 ) -> Iterator[str]:
     """Yield the lines of a scenario's file."""
     yield (
-        f"# Fitted by `python -m turning_env calibrate` to {evidence.source!a}; "
+        f"# Fitted by `python -m turning_shop calibrate` to {evidence.source!a}; "
         "each fitted number is followed by its 95 % interval."
     )
     for response, reason in calibration.kept.items():

@@ -1,4 +1,4 @@
-"""The commands of ``python -m turning_env`` for a process engineer: calibrate, predict and others.
+"""The commands of ``python -m turning_shop`` for a process engineer: calibrate, predict and others.
 
 Each command's function is followed by its options. The computations are in the modules that the
 functions import, and only the command that runs loads SciPy and Matplotlib.
@@ -59,7 +59,7 @@ def _calibrate(options: argparse.Namespace) -> int:
 
     COLUMNS
 
-    python -m turning_env calibrate cuts.csv --out my_tool.toml --base machine.toml
+    python -m turning_shop calibrate cuts.csv --out my_tool.toml --base machine.toml
     """
     from turning_shop.calibrate import ImplausibleError, calibrate, summary, write_scenario
 
@@ -241,8 +241,8 @@ def _predict(options: argparse.Namespace) -> int:
     error, and the typical width: an interval ends at this factor of the prediction, and at its
     inverse.
 
-    python -m turning_env predict cuts.csv
-    python -m turning_env predict cuts.csv --hold-out 5 --set cutting_speed=300
+    python -m turning_shop predict cuts.csv
+    python -m turning_shop predict cuts.csv --hold-out 5 --set cutting_speed=300
     """
     from turning_shop.hold_out import hold_out, summary, write_csv
 
@@ -292,7 +292,7 @@ def _whatif(options: argparse.Namespace) -> int:
     was measured. The table assumes that speed, feed and depth have been constant since the edge was
     fresh.
 
-    python -m turning_env whatif rough_turning --cutting-speed 120 150 180 --feed 0.2 0.4 --wear 0.2
+    python -m turning_shop whatif rough_turning --cutting-speed 120 150 --feed 0.2 0.4 --wear 0.2
     """
     from turning_shop.allowed import bending_force_of_bar
     from turning_shop.prediction import longest_life, predict
@@ -469,7 +469,7 @@ def _map(options: argparse.Namespace) -> int:
     Marks are the cut that advise recommends for the least cost of a nominal bar, and the cut with
     the highest removal rate within the limits at this wear.
 
-    python -m turning_env map rough_turning --wear 0.2 --out map.png
+    python -m turning_shop map rough_turning --wear 0.2 --out map.png
     """
     refuse_existing(options.overwrite, options.out)
     scenario, evidence = _load(options)
@@ -558,9 +558,9 @@ def _advise(options: argparse.Namespace) -> int:
     and ranges are then those of catalogues, with the width of their sources. The answer names these
     and every number that is assumed.
 
-    python -m turning_env advise my_tool.toml
-    python -m turning_env advise my_tool.toml --agent my_agent.onnx
-    python -m turning_env advise --material 42CrMo4 --tool CNMG120408-PM --grade P25 --stock 80x200
+    python -m turning_shop advise my_tool.toml
+    python -m turning_shop advise my_tool.toml --agent my_agent.onnx
+    python -m turning_shop advise --material 42CrMo4 --tool CNMG120408-PM --grade P25 --stock 80x200
     """
     from turning_shop import start
     from turning_shop.advise import advise, headline, summary

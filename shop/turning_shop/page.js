@@ -1,5 +1,5 @@
 'use strict';
-// Computes and draws the page of `python -m turning_env advise --page`: the formulas of whatif.py, prediction.py and advise.py.
+// Computes and draws the page of `python -m turning_shop advise --page`: the formulas of whatif.py, prediction.py and advise.py.
 const data = JSON.parse(document.getElementById('data').textContent);
 const FACTORS = ['cutting_speed', 'feed', 'depth_of_cut', 'time', 'wear', 'hardness'];
 const settings = {};

@@ -1,4 +1,4 @@
-"""The command ``tools`` of ``python -m turning_env``: tables of tools in and out."""
+"""The command ``tools`` of ``python -m turning_shop``: tables of tools in and out."""
 
 import argparse
 import math
@@ -26,7 +26,7 @@ def tools(options: argparse.Namespace) -> int:
 
     A scenario's file stands for its tool with the cut that advise recommends.
 
-    python -m turning_env tools my_tool.toml inserts.csv --out library.csv
+    python -m turning_shop tools my_tool.toml inserts.csv --out library.csv
     """
     if options.out is not None and options.out.suffix != ".csv":
         raise WorkshopError(f"--out is {options.out}, but a table's name must end in .csv")

@@ -19,10 +19,10 @@ from turning_nc.removal import remove
 from turning_nc.report import rows
 from turning_nc.stock import read_stock
 from turning_nc.words import MAX_CHARACTERS, NcError, divide
+from turning_shop.__main__ import main
 
 from shop.examples.adapt_programs import SCENARIO
 from shop.tests.turning_nc.programs import BAR, DREH, moves
-from turning_env.__main__ import main
 
 NINES = "9" * 400
 

@@ -26,6 +26,7 @@ from turning_nc.report import summary
 from turning_nc.stock import guessed_stock, read_stock, volume
 from turning_nc.words import NcError, divide
 from turning_shop import WorkshopError
+from turning_shop.__main__ import main
 from turning_shop.units import INCH
 
 from baselines.models.process import Process
@@ -36,7 +37,6 @@ from shop.tests.turning_nc.programs import BAR, moves
 from tests.programs import NO_LINUXCNC
 from tests.walking import ROOT
 from turning_env import Scenario
-from turning_env.__main__ import main
 
 WITHOUT_CYCLES = [name for name, entry in COLLECTION.items() if not entry.get("cycles")]
 QUICK = ("inch_bar", "grooves_in_sub_program", "feed_per_minute", "welle", "gewinde", "abspanen")
@@ -367,7 +367,7 @@ def test_the_page_prints_what_the_commands_print(
     page = (ROOT / "shop" / "docs" / "your_own_program.md").read_text("utf-8")
     monkeypatch.chdir(tmp_path)
     (tmp_path / "shop").symlink_to(ROOT / "shop")
-    example = r"```bash\npython -m turning_env ([^\n]*)\n```\n\n```text\n(.*?)```"
+    example = r"```bash\npython -m turning_shop ([^\n]*)\n```\n\n```text\n(.*?)```"
     shown = re.findall(example, page, re.DOTALL)
     assert len(shown) == 2
     for words, output in shown:

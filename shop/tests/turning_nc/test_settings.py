@@ -12,10 +12,10 @@ from turning_nc.plausibility import implausible
 from turning_nc.removal import remove
 from turning_nc.stock import guessed_stock, read_stock
 from turning_nc.words import NcError, divide
+from turning_shop.__main__ import main
 
 from shop.tests.turning_nc.programs import BAR, moves
 from turning_env import Scenario
-from turning_env.__main__ import main
 
 
 def warnings(

@@ -17,11 +17,10 @@ import pytest
 pytest.importorskip("shapely")
 
 from matplotlib.text import Text
+from turning_shop.__main__ import main
 from turning_shop.advise import advise, headline
 from turning_shop.plots import draw_sheet
 from turning_shop.provenance import load
-
-from turning_env.__main__ import main
 
 MACHINE = """
 [machine]

@@ -1,6 +1,6 @@
 """Advice keeps the limits, and its numbers are those of a play.
 
-Tests of ``python -m turning_env advise``.
+Tests of ``python -m turning_shop advise``.
 """
 
 import json
@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import pytest
 from turning_shop import WorkshopError
+from turning_shop.__main__ import main
 from turning_shop.advise import MAX_METAL, MIN_COST, Prices, advise, headline, part_volume, plan
 from turning_shop.advise_play import best_rule, clocked, constant, play_all
 from turning_shop.prediction import Evidence
@@ -19,7 +20,6 @@ from turning_shop.whatif import what_if
 from leaderboard.adapt import as_factory
 from leaderboard.play import play
 from turning_env import Scenario
-from turning_env.__main__ import main
 from turning_env.scenario import ScenarioError
 
 ROOT = Path(__file__).parents[3]

@@ -1,4 +1,4 @@
-"""``python -m turning_env calibrate`` writes a scenario, or refuses the measurements."""
+"""``python -m turning_shop calibrate`` writes a scenario, or refuses the measurements."""
 
 import itertools
 import math
@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
+from turning_shop.__main__ import main
 from turning_shop.fit import TYPICAL_EDGE_SPREAD
 from turning_shop.provenance import load
 from turning_shop.start import Question, Stock, job_of, toml_of
@@ -14,7 +15,6 @@ from turning_shop.whatif import NO_LIMIT
 
 from tests.soundness.acting import tried
 from turning_env import Scenario
-from turning_env.__main__ import main
 
 EXAMPLE = str(Path(__file__).parents[2] / "examples" / "cuts.csv")
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from turning_shop.__main__ import main
 from turning_shop.calibrate import Calibration, calibrate
 from turning_shop.fit import fit, with_growth
 from turning_shop.measurements import Measurements
@@ -13,7 +14,6 @@ from turning_shop.regression import MAX_GROWTH
 
 from shop.tests.turning_shop.sheets import forces
 from turning_env import Scenario
-from turning_env.__main__ import main
 
 BASE = Scenario()
 EDGES = 12

@@ -1,4 +1,4 @@
-"""``python -m turning_env predict`` tests laws on edges or rows that were left out."""
+"""``python -m turning_shop predict`` tests laws on edges or rows that were left out."""
 
 import csv
 from pathlib import Path
@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from turning_shop import WorkshopError
+from turning_shop.__main__ import main
 from turning_shop.hold_out import hold_out
 from turning_shop.measurements import read_measurements
 
 from shop.tests.turning_shop.sheets import forces, wear_curves
 from turning_env import Scenario
-from turning_env.__main__ import main
 
 BASE = Scenario()
 WEARS = (0.0, 0.05, 0.1, 0.2, 0.3)

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from turning_shop import WorkshopError
+from turning_shop.__main__ import main
 from turning_shop.advise import MIN_COST, advise, best_plan, headline, tried_plans
 from turning_shop.advise_play import clocked
 from turning_shop.allowed import (
@@ -22,7 +23,6 @@ from turning_shop.provenance import load
 from turning_shop.whatif import Cuts, what_if
 
 from turning_env import Scenario, ScenarioError
-from turning_env.__main__ import main
 
 PROGRAM = "G21 G99 T0101\nG50 S4000\nG96 S120 M3\nG0 X41. Z2.\nG1 Z-150. F0.3\nG0 X100.\nZ5.\nM30\n"
 SLENDER = """

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import pytest
 from playwright.sync_api import Page, expect
+from turning_shop.__main__ import main
 from turning_shop.advise import advise, plan
 from turning_shop.page import render
 from turning_shop.provenance import load
@@ -18,7 +19,6 @@ from turning_shop.whatif import what_if
 from shop.tests.turning_shop.sheets import forces
 from tests.walking import ROOT
 from turning_env import Scenario
-from turning_env.__main__ import main
 
 pytestmark = pytest.mark.slow
 

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from turning_shop.__main__ import main
 from turning_shop.calibrate import ImplausibleError, calibrate
 from turning_shop.measurements import Measurements
 
 from turning_env import Scenario
-from turning_env.__main__ import main
 
 MATERIAL = Scenario().material
 FIRST_LINE = 2

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from turning_shop import WorkshopError
+from turning_shop.__main__ import main
 from turning_shop.calibrate import calibrate
 from turning_shop.fit import TYPICAL_GROWTH
 from turning_shop.measurements import Measurements, read_measurements
@@ -18,7 +19,6 @@ from turning_shop.whatif import what_if
 
 from shop.tests.turning_shop.sheets import forces
 from turning_env import Scenario
-from turning_env.__main__ import main
 
 BASE = Scenario()
 NEAR_ZERO = (0.002, 0.01, 0.03, 0.06, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35)

@@ -1,6 +1,6 @@
 """Advice without measured cuts: makers' ranges are kept, and every number says where it is from.
 
-Tests of ``python -m turning_env advise --material ...``.
+Tests of ``python -m turning_shop advise --material ...``.
 """
 
 import json
@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import pytest
 from turning_shop import WorkshopError
+from turning_shop.__main__ import main
 from turning_shop.advise import MIN_COST, Plan, best_plan, tried_plans
 from turning_shop.catalogue.inserts import read_insert
 from turning_shop.catalogue.materials import find_material
@@ -21,7 +22,6 @@ from turning_shop.whatif import what_if
 
 from tests.walking import ROOT, blocks, commands
 from turning_env import Scenario
-from turning_env.__main__ import main
 
 MACHINE = """
 [spindle]

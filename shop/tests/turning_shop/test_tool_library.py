@@ -5,9 +5,8 @@ from pathlib import Path
 
 import pytest
 from turning_shop import WorkshopError
+from turning_shop.__main__ import main
 from turning_shop.tool_library import Tool, csv_of, read_tools
-
-from turning_env.__main__ import main
 
 PM = Tool(
     designation="CNMG120408-PM",

@@ -5,6 +5,7 @@ import re
 from pathlib import Path
 
 import pytest
+from turning_shop.__main__ import main
 from turning_shop.advise import MIN_COST, best_plan, tried_plans
 from turning_shop.page import page_data
 from turning_shop.plots import draw_map
@@ -13,7 +14,6 @@ from turning_shop.units import INCH, METRIC, short
 from turning_shop.whatif import what_if
 
 from turning_env import Scenario
-from turning_env.__main__ import main
 
 METRIC_UNITS = re.compile(r"\d (?:mm|m/min|mm/rev|kW|N|um|cm3|cm3/min)\b")
 JOB = ["--material", "42CrMo4", "--tool", "CNMG120408-PM", "--grade", "P25", "--depth", "2"]

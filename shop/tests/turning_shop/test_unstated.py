@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from matplotlib.text import Text
 from turning_shop import WorkshopError
+from turning_shop.__main__ import main
 from turning_shop.advise import advise, headline
 from turning_shop.advise_play import clocked, constant, play_all
 from turning_shop.allowed import NO_STRENGTH, allowed_loads, feed_range
@@ -24,7 +25,6 @@ from leaderboard.adapt import as_factory
 from leaderboard.play import play
 from shop.tests.turning_shop.sheets import wear_curves
 from turning_env import Scenario
-from turning_env.__main__ import main
 from turning_env.scenario import ScenarioError
 
 MACHINE = """

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
+from turning_shop.__main__ import main
 from turning_shop.advise import advise
 from turning_shop.allowed import NO_STRENGTH
 from turning_shop.plots import draw_map
@@ -21,7 +22,6 @@ from turning_shop.whatif import what_if
 
 from tests.turning_env.playing import infos
 from turning_env import Scenario
-from turning_env.__main__ import main
 from turning_env.action import set_point_action
 
 BASE = Scenario()

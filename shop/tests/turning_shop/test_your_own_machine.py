@@ -9,14 +9,14 @@ import shutil
 from pathlib import Path
 
 import pytest
+from turning_shop.__main__ import main
 from turning_shop.headers import COLUMNS, EDGE
 
 from tests.walking import ROOT, blocks, commands
 from turning_env import Scenario
-from turning_env.__main__ import main
 
 PAGE = (ROOT / "shop" / "docs" / "your_own_machine.md").read_text("utf-8")
-PROMPT = ["python", "-m", "turning_env"]
+PROMPT = ["python", "-m", "turning_shop"]
 NUMBER = r"-?\d+(?:\.\d+)?"
 
 
