@@ -13,6 +13,7 @@ from typing import Any
 
 from baselines.rule import Parameters, Rule
 from turning_env import Scenario, presets
+from turning_env.files import read_regular
 
 FOLDER = Path(__file__).parent / "tuned"  # the folder of the tuned values that ship
 
@@ -62,11 +63,13 @@ def read(file: Path) -> dict[str, Any]:
         ValueError: the file is damaged.
     """
     try:
-        values: dict[str, Any] = json.loads(file.read_text("utf-8"))
+        values: dict[str, Any] = json.loads(read_regular(file))
         for rule in values["rules"].values():
             dict(rule["parameters"])
     except FileNotFoundError:
         return {}
+    except OSError as error:
+        raise ValueError(f"{file} cannot be read: {error.strerror}") from error
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise ValueError(
             f"{file} holds no tuned parameters ({error!r}): delete it and tune the rules again"

@@ -32,7 +32,7 @@ from baselines.policy_spec import ScenarioId
 from leaderboard.statistics import CONFIDENCE, KEY, RESAMPLES
 from train.run import Run
 from turning_env.console import Parser, described, exits
-from turning_env.files import replace_file
+from turning_env.files import read_regular, replace_file
 from turning_env.rendering import plot_style as style
 
 FILE = "learning_curves.json"
@@ -98,8 +98,10 @@ class Trainings(BaseModel):
             ValueError: the file cannot be read, or holds no learning curves.
         """
         try:
-            return cls.model_validate_json(path.read_bytes())
-        except (OSError, ValidationError) as error:
+            return cls.model_validate_json(read_regular(path))
+        except OSError as error:
+            raise ValueError(f"{path} cannot be read: {error.strerror}") from error
+        except ValidationError as error:
             raise ValueError(f"{path} holds no learning curves: {error}") from error
 
     def write(self, path: Path) -> None:

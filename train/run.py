@@ -14,7 +14,7 @@ from typing import Any
 from baselines.policy_spec import ScenarioId
 from leaderboard.agents.agent_file import family_of
 from turning_env import FAMILY_ID, IDS, Family, Scenario
-from turning_env.files import replace_file
+from turning_env.files import read_regular, replace_file
 from turning_env.scenario.arguments import refuse_family
 from turning_env.scenario.section import names_instead
 
@@ -244,9 +244,11 @@ class Run:
                 hint = f", but in {deeper[0].parent}"
             raise ValueError(f"{folder} holds no training run: there is no run.json{hint}")
         try:
-            values = json.loads(path.read_text("utf-8"))
+            values = json.loads(read_regular(path))
             values["scenario"] = Scenario.model_validate(values["scenario"])
             return cls(**values, folder=folder)
+        except OSError as error:
+            raise ValueError(f"{path} cannot be read: {error.strerror}") from error
         except (AttributeError, KeyError, TypeError, ValueError, RecursionError) as error:
             raise ValueError(f"{path} describes no training run: {error}") from error
 

@@ -42,7 +42,7 @@ from leaderboard.statistics import Bootstrap, severe_share
 from leaderboard.workers import Workers, spread, workers
 from turning_env import MODEL_VERSION, Scenario, presets
 from turning_env.console import Parser, described, exits, positive
-from turning_env.files import file_lock, folder_lock, replace_file
+from turning_env.files import file_lock, folder_lock, read_regular, replace_file
 from turning_env.progress import progress
 
 BUDGET = {"trials": 64, "seeds": 32}
@@ -109,7 +109,8 @@ class TrialLog:
         if not self._path.exists():
             return []
         trials = []
-        for line in self._path.read_text("utf-8", "replace").splitlines():
+        content = read_regular(self._path)
+        for line in content.decode("utf-8", "replace").splitlines():
             with suppress(ValueError, TypeError, RecursionError):
                 task, setting, played = json.loads(line)
                 if task == self._task:

@@ -14,11 +14,12 @@ from typing import Any
 
 from filelock import FileLock, Timeout
 
+MAX_BYTES = 100_000_000  # largest size of a file whose reader states no other
 _PARTIAL = ".partial-"
 _LOCK = ".lock"
 
 
-def read_regular(path: Path, max_bytes: int, follow_links: bool = True) -> bytes:
+def read_regular(path: Path, max_bytes: int = MAX_BYTES, *, follow_links: bool = True) -> bytes:
     """Return the content of a regular file.
 
     A pipe or a device may have no end, or wait for ever for whoever writes into it.

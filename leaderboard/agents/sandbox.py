@@ -31,6 +31,7 @@ from leaderboard.agents import sandbox_child as child
 from leaderboard.agents.onnx_session import check_actions
 from leaderboard.agents.sandbox_child import ANY, Outline
 from turning_env.extras import needed
+from turning_env.files import read_regular
 from turning_env.policy import Actions, Observations, PolicyFactory
 
 MAX_BYTES = 200_000_000  # of a file: it is in the memory of its process several times
@@ -325,14 +326,14 @@ def load(path: Path, limits: Limits = LIMITS) -> PolicyFactory:
         AgentTimeoutError: the network gives no answer in time; this is an AgentFileError.
         AgentFileError: the file is refused; the message says why.
     """
-    if not path.is_file():
+    if not path.exists():
         raise FileNotFoundError(ENOENT, "no such file", str(path))
     require("onnxruntime")
-    with path.open("rb") as stream:
-        content = stream.read(MAX_BYTES + 1)
     try:
-        if len(content) > MAX_BYTES:
-            raise AgentFileError(f"is larger than {MAX_BYTES} bytes")
+        content = read_regular(path, MAX_BYTES)
+    except OSError as error:
+        raise AgentFileError(f"{path}: {error.strerror}") from error
+    try:
         Sandbox(content, limits).close()
     except AgentFileError as error:
         raise type(error)(f"{path}: {error}") from error

@@ -2,6 +2,8 @@
 
 import json
 import lzma
+import os
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -9,9 +11,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from leaderboard.agents import agent_file, onnx_policy
+from baselines import tuned
+from leaderboard.agents import agent_file, onnx_policy, sandbox
 from tests.soundness.acting import tried
 from tests.soundness.readers import READERS, attempt, damages, small_result
+from train.curves import Trainings
+from train.tune_rules import TrialLog
 from turning_env import Scenario, ScenarioError
 
 
@@ -77,3 +82,21 @@ def test_an_agent_is_read_and_acts_or_is_refused(tmp_path: Path, content: bytes)
         actions = agent.make(2).act(np.zeros((2, len(spaces.observation_space.low)), np.float32))
         assert actions.shape == (2, len(spaces.action_space.low))
         assert np.abs(actions).max() <= 1.0
+
+
+@pytest.mark.parametrize(
+    ("name", "read"),
+    [
+        ("tuned.json", tuned.read),
+        ("learning_curves.json", Trainings.read),
+        ("trials.jsonl", lambda path: TrialLog(path, []).read()),
+        ("agent.onnx", sandbox.load),
+    ],
+)
+def test_no_reader_waits_for_a_pipe(
+    name: str, read: Callable[[Path], object], tmp_path: Path
+) -> None:
+    os.mkfifo(tmp_path / name)
+    with pytest.raises((ValueError, OSError), match="must be a regular file") as refusal:
+        read(tmp_path / name)
+    assert str(tmp_path / name) in str(refusal.value)
