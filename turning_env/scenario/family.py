@@ -296,7 +296,7 @@ def _conditions(true: ScenarioBatch, plan: Plan) -> tuple[_Condition, ...]:
             (*_LIVES, "mismatch", *_LOADS),
         ),
         _Condition(
-            (excess <= true.limits.overload_tolerance).any(axis=(1, 2)),
+            np.asarray((excess <= true.limits.overload_tolerance).any(axis=(1, 2))),
             "in truth every cutting speed and feed exceeds limits.thrust_force or limits.power "
             "on a worn edge",
             (*_LOADS, "mismatch"),
