@@ -277,7 +277,7 @@ def _conditions(true: ScenarioBatch, plan: Plan) -> tuple[_Condition, ...]:
     excess = grid.excess(USED_LIVES[-1], deviations=2.0)
     return (
         _Condition(
-            plan.feasible.all(axis=1),
+            np.asarray(plan.feasible.all(axis=1)),
             "by the nominal model no cutting speed and feed is within limits.thrust_force and "
             "limits.power",
             _LOADS,
