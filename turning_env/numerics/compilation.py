@@ -128,7 +128,8 @@ def _no_garbage_collection() -> Iterator[None]:
 @contextmanager
 def _notice(name: str) -> Iterator[None]:
     """Log a notice, which goes to stderr, if a function takes seconds to be compiled."""
-    text = "compiling %s for this machine, once: usually 5 to 20 s"
+    # Measured: docs/scaling.md, "Compile time".
+    text = "compiling %s for this machine, once: a first step takes about 17 s in all"
     timer = threading.Timer(_NOTICE_AFTER, _LOG.warning, [text, name])
     timer.daemon = True
     timer.start()
