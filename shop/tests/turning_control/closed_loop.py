@@ -7,10 +7,10 @@ import numpy as np
 from turning_control.core import Commands, Controller, Status, highest_feed, on_control
 from turning_control.plant import Plant
 from turning_control.readings import Readings, force_reading
-from turning_env.scoring.policy import Actions, Observations, Policy
 
 from turning_env.physics.drives import lag_share
 from turning_env.physics.quantities import action_size
+from turning_env.policy import Actions, Observations, Policy
 from turning_env.scenario import Scenario
 
 RAPID_TIME = 0.5  # time of the return to the next bar [s]
