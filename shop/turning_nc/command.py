@@ -143,29 +143,6 @@ def _add_numbers(parser: argparse.ArgumentParser) -> None:
         ),
     )
     parser.add_argument(
-        "--max-spindle",
-        type=number_within(1.0, 1e5, unit="rev/min"),
-        metavar="X",
-        help=(
-            "highest spindle speed of the machine [rev/min] "
-            "(default: spindle.max_speed of the scenario, or 4000)"
-        ),
-    )
-    parser.add_argument(
-        "--rapid",
-        type=number_within(1.0, 1e6, unit="mm/min"),
-        default=10_000.0,
-        metavar="X",
-        help="rapid traverse [mm/min] (default: %(default)g)",
-    )
-    parser.add_argument(
-        "--tool-change",
-        type=number_within(0.0, 1e3, unit="s"),
-        default=2.0,
-        metavar="X",
-        help="time to change a tool [s] (default: %(default)g)",
-    )
-    parser.add_argument(
         "--life",
         type=number_within(0.01, 100.0, unit=""),
         default=1.0,

@@ -206,11 +206,8 @@ def _law_notes(situation: cutting.Situation) -> list[str]:
 
 
 def _machine(options: argparse.Namespace, scenario: Scenario) -> cutting.Machine:
-    max_spindle = options.max_spindle or scenario.spindle.max_speed
     return cutting.Machine(
-        max_spindle_speed=max_spindle or cutting.Machine.max_spindle_speed,
-        rapid=options.rapid,
-        tool_change=options.tool_change,
+        max_spindle_speed=scenario.spindle.max_speed or cutting.Machine.max_spindle_speed,
         max_feed=options.max_feed or math.inf,
     )
 

@@ -343,6 +343,7 @@ def command(program: Path, *options: str) -> list[str]:
         pytest.param("--adapt words --out welle.mpf", id="output without .simulated"),
         pytest.param("--wear 5", id="wear above the criterion"),
         pytest.param("--tool T9=inside", id="unknown tool"),
+        pytest.param("--law-of T9", id="law of an unknown tool"),
         pytest.param("--stock bar:5", id="no stock"),
         pytest.param("--stock missing.dxf", id="missing drawing"),
         pytest.param("--scenario nothing", id="unknown scenario"),
