@@ -22,14 +22,13 @@ Uses from the nominal model: the exponent of feed in the law of the load, the la
 first reading, the lags of servo, chip and sensor, and for roughness the force of a roughness.
 """
 
-import math
-
 import numpy as np
 
 from baselines.constant_force import force_of_roughness, holds_roughness_by_feed
 from baselines.models.part_program import PartProgram, on_override, on_program
 from baselines.rule import Array, Mask, Range, Rule
 from turning_env import Reading, Scenario, read
+from turning_env.numerics.conversions import spindle_speed_at
 from turning_env.numerics.functions import exp, log, real_power
 from turning_env.physics.drives import lag_share
 from turning_env.policy import Actions, Observations, Policy
@@ -119,8 +118,7 @@ class LeadControl(Policy):
     def _chip_share(self, reading: Reading) -> Array:
         """Return the share of the way to a new load that the chip's lag covers in one step [-]."""
         scenario = self._program.scenario
-        circumference = math.pi * scenario.workpiece.diameter  # [mm]
-        turns_per_minute = 1000.0 * reading.cutting_speed / circumference
+        turns_per_minute = spindle_speed_at(reading.cutting_speed, scenario.workpiece.diameter)
         turns = turns_per_minute * self._interval / 60.0
         return np.asarray(lag_share(turns, scenario.machine.chip_lag))
 

@@ -24,7 +24,6 @@ measured loads.
 In air, the oracle commands the highest feed.
 """
 
-import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -35,6 +34,7 @@ from baselines.models.part_program import PartProgram, on_override
 from baselines.rule import Array, Mask
 from turning_env import Scenario, read
 from turning_env.numerics.compilation import compiled, compiled_entry
+from turning_env.numerics.conversions import spindle_speed_at
 from turning_env.numerics.functions import exp, log, real_power
 from turning_env.physics.drives import lag_share
 from turning_env.physics.spindle import capacity_at, idle_power_at
@@ -176,7 +176,7 @@ def _lags(scenario: Scenario, cutting_speed: float) -> Lags:
     control = scenario.control
     machine = scenario.machine
     sub_step = control.interval / control.sub_steps
-    turns_per_second = 1000.0 * cutting_speed / (math.pi * scenario.workpiece.diameter) / 60.0
+    turns_per_second = spindle_speed_at(cutting_speed, scenario.workpiece.diameter) / 60.0
     turns = turns_per_second * sub_step
     longest = max(machine.feed_time_constant, machine.chip_lag / turns_per_second)
     return Lags(

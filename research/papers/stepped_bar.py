@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from research.papers import changed, record
 from turning_env import Scenario
+from turning_env.numerics.conversions import spindle_speed_at
 from turning_env.policy import PolicyFactory
 
 RIPPLE = 0.02  # amplitude of the ripple of depth in the paper's test, over the depth [-]
@@ -47,9 +48,9 @@ def stepped_bar(
     workpiece = NO_SPREADS | {"depth_profile": depths, "bar_length": bar_length}
     workpiece["depth_ripple"] = 0.0
     if ripple_period is not None:
-        # A scenario counts the ripple's period in revolutions: n = 1000 vc / (pi d) [1/min].
+        # A scenario counts the ripple's period in revolutions.
         cutting_speed = base.control.initial_cutting_speed
-        revolutions = 1000.0 * cutting_speed / (np.pi * base.workpiece.diameter)
+        revolutions = spindle_speed_at(cutting_speed, base.workpiece.diameter)
         workpiece["depth_ripple"] = RIPPLE
         workpiece["depth_ripple_period"] = ripple_period / 60.0 * revolutions
 

@@ -17,6 +17,7 @@ from turning_control.watch import Watch
 
 from turning_env.action import commanded
 from turning_env.numerics.compilation import compiled_entry
+from turning_env.numerics.conversions import cutting_speed_at
 from turning_env.numerics.functions import log
 from turning_env.observation import observe, read
 from turning_env.physics.lathe import charge_time_and_life
@@ -106,7 +107,7 @@ class Controller:
         diameter = self._scenario.workpiece.diameter
         if readings.new_edge:
             self._set(cutting_time=0.0, nominal_used_life=0.0)
-        speed = readings.spindle_speed * np.pi * diameter / 1000.0
+        speed = cutting_speed_at(readings.spindle_speed, diameter)
         feed = readings.feed_velocity / max(readings.spindle_speed, 1e-9)
         self._set(
             # A standstill has no logarithm.

@@ -407,7 +407,7 @@ def pin_ranges(scenario: Scenario) -> dict[str, tuple[float, float]]:
 def _write_lathe(folder: Path, scenario: Scenario) -> None:
     """Write the lathe's configuration into a folder."""
     programmed_speed = scenario.control.initial_cutting_speed
-    turns = programmed_speed * 1000.0 / (np.pi * scenario.workpiece.diameter) / 60.0  # [1/s]
+    turns = spindle_speed_at(scenario, programmed_speed) / 60.0  # [1/s]
     velocity = turns * scenario.machine.feed_max
     lag = scenario.machine.feed_time_constant
     # Accelerations are ten times those that the drive's lag needs, so that the lag decides.

@@ -21,6 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from turning_env.numerics.conversions import feed_velocity_at
 from turning_env.numerics.functions import log
 from turning_env.observation import Reading
 from turning_env.physics.spindle import capacity_at, idle_power_at
@@ -404,8 +405,8 @@ class Observer:
 
     def _feed_velocity(self, cutting_speed: Values, feed: Values) -> Values:
         """Return the feed velocity [mm/s] at a cutting speed [m/min] and a feed [mm/rev]."""
-        spindle_speed = cutting_speed * 1000.0 / (np.pi * self._scenario.workpiece.diameter)
-        return spindle_speed * feed / 60.0
+        velocity: Values = feed_velocity_at(cutting_speed, feed, self._scenario.workpiece.diameter)
+        return velocity
 
     def _mean_velocity(self, reading: Reading) -> Values:
         """Return the mean feed velocity [mm/s] since the last readings.

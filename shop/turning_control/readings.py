@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from turning_env.numerics.conversions import spindle_speed_at as spindle_speed_on
 from turning_env.observation import parameters_of
 from turning_env.physics.drives import steady_current
 from turning_env.physics.quantities import MAX_RATIO, layout
@@ -119,7 +120,7 @@ def _from_zero(high: float) -> Span:
 
 def spindle_speed_at(scenario: Scenario, cutting_speed: float) -> float:
     """Return the spindle speed [rev/min] at a cutting speed [m/min]."""
-    return 1000.0 * cutting_speed / (math.pi * scenario.workpiece.diameter)
+    return float(spindle_speed_on(cutting_speed, scenario.workpiece.diameter))
 
 
 def is_switch(value: Any) -> bool:

@@ -21,6 +21,7 @@ from turning_shop import Values
 from turning_shop.allowed import feed_range
 from turning_shop.whatif import NO_LIMIT
 
+from turning_env.numerics.conversions import cutting_speed_at
 from turning_env.physics.spindle import capacity_at, idle_power_at
 from turning_env.scenario import Scenario
 
@@ -370,7 +371,7 @@ def loads(
 def power_range(scenario: Scenario, spindle_speed: Values) -> PowerRange:
     """Return idle and highest power at spindle speeds [rev/min]."""
     # The scenario states them by the cutting speed at the workpiece's diameter.
-    speed = math.pi * scenario.workpiece.diameter * spindle_speed / 1000.0
+    speed = cutting_speed_at(spindle_speed, scenario.workpiece.diameter)
     return PowerRange(
         idle=idle_power_at(scenario, speed),
         highest=scenario.limits.power * capacity_at(scenario, speed),

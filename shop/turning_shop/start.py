@@ -60,6 +60,7 @@ from turning_shop.prediction import Evidence, LawEvidence, longest_life
 from turning_shop.provenance import TAYLOR, Stated, for_advice, stated_by
 from turning_shop.units import METRIC, Units
 
+from turning_env.numerics.conversions import cutting_speed_at
 from turning_env.scenario import Scenario
 from turning_env.scenario.scenario import flat, merged
 
@@ -372,7 +373,7 @@ def _speeds(question: Question, start: Start, machine: Scenario, stated: set[str
         ends.discard("machine.cutting_speed_max")
     reached = high
     if machine.spindle.max_speed and "spindle.max_speed" in stated:
-        by_spindle = math.pi * question.stock.diameter * machine.spindle.max_speed / 1000.0
+        by_spindle = cutting_speed_at(machine.spindle.max_speed, question.stock.diameter)
         reached = min(high, by_spindle)
     if reached <= low:
         assumptions = (

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from turning_shop import Values
 
+from turning_env.numerics.conversions import spindle_speed_at
 from turning_env.physics.spindle import capacity_at, idle_power_at
 from turning_env.scenario import Scenario
 
@@ -117,7 +118,7 @@ def what_if(
         tool_life=life,
         # m/min mm mm is cm3/min.
         removal_rate=speed * settings["feed"] * settings["depth_of_cut"],
-        spindle_speed=1000.0 * speed / (np.pi * scenario.workpiece.diameter),
+        spindle_speed=spindle_speed_at(speed, scenario.workpiece.diameter),
         wear_share=edge_wear / criterion,
         thrust_force_share=force / limits.thrust_force * has_force_limit,
         power_share=power / power_limit * has_power_limit,

@@ -106,7 +106,7 @@ def test_the_first_seeds_come_back(tmp_path: Path, selection: Selection, seeds: 
             AGENTS,
             selection,
             memory=memory,
-            seeds=seeds,
+            draw=verify.Draw(seeds, key=0),
         )
         == []
     )

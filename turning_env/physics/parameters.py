@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from turning_env.numerics.conversions import spindle_speed_at
 from turning_env.numerics.functions import log, real_power
 from turning_env.physics.drives import lag_share
 from turning_env.physics.quantities import ACTIONS, EDGE_CHANGES, OBS, OBSERVATION, layout
@@ -380,7 +381,7 @@ PARAMETERS = (
         "revolutions_per_metre",
         "rev/m",
         "turns per length of the bar's circumference",
-        value=lambda s: 1000.0 / (np.pi * s.workpiece.diameter),
+        value=lambda s: spindle_speed_at(1.0, s.workpiece.diameter),
     ),
     # Bars: depth of cut.
     _field("workpiece.depth_of_cut"),

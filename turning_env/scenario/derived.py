@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from turning_env.numerics.conversions import cutting_speed_at
+
 
 class DerivedQuantities:
     """Base of ``Scenario`` and ``ScenarioBatch``: its properties are numbers, or arrays of them."""
@@ -20,7 +22,7 @@ class DerivedQuantities:
     @property
     def cutting_speed_max(self) -> Any:
         """Highest cutting speed that machine and spindle allow at the diameter [m/min]."""
-        by_spindle = self._circumference * self.spindle.max_speed
+        by_spindle = cutting_speed_at(self.spindle.max_speed, self.workpiece.diameter)
         by_spindle = np.where(np.equal(by_spindle, 0.0), np.inf, by_spindle)  # 0: unlimited
         return np.minimum(self.machine.cutting_speed_max, by_spindle)
 
@@ -35,11 +37,7 @@ class DerivedQuantities:
     @property
     def base_cutting_speed(self) -> Any:
         """Cutting speed at the spindle's base speed [m/min]."""
-        return self._circumference * self.spindle.base_speed
-
-    @property
-    def _circumference(self) -> Any:
-        return math.pi * self.workpiece.diameter / 1000.0  # [m]
+        return cutting_speed_at(self.spindle.base_speed, self.workpiece.diameter)
 
     @property
     def max_episode_steps(self) -> int | None:

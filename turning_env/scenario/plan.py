@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from turning_env.numerics.conversions import feed_velocity_at
 from turning_env.numerics.functions import exp, hypotenuse, log
 from turning_env.numerics.wear_term import log_wear_term
 from turning_env.scenario.power_law import log_response, wear_exponent
@@ -274,7 +275,7 @@ def _positive_numbers(s: ScenarioBatch, plan: Plan) -> dict[str, Any]:
     economics = s.economics
     speed = plan.speed[:, MIDDLE]
     feed = plan.feed[:, MIDDLE]
-    travel = speed * feed * 1000.0 / (np.pi * work.diameter) / 60.0  # feed velocity [mm/s]
+    travel = feed_velocity_at(speed, feed, work.diameter)
     idle_power = s.spindle.idle_torque / (30.0 * work.diameter) * speed  # [kW]
     lowest_feed, highest_feed = s.feed_range
     return {

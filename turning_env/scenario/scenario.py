@@ -3,7 +3,6 @@
 The sections are in ``sections.py``, the checks that they agree in ``validation.py``.
 """
 
-import math
 import os
 import re
 import tomllib
@@ -29,6 +28,7 @@ from pydantic import (
 
 from turning_env.console import printable
 from turning_env.files import digest_of, read_regular, replace_file
+from turning_env.numerics.conversions import cutting_speed_at
 from turning_env.scenario import sections
 from turning_env.scenario.derived import DerivedQuantities
 from turning_env.scenario.section import Section, few, names_instead
@@ -455,7 +455,7 @@ def start_in_range(values: dict[str, Any], stated: Collection[str]) -> dict[str,
         return values
     highest_speed = machine.cutting_speed_max
     if spindle.max_speed > 0.0:
-        by_spindle = math.pi * work.diameter / 1000.0 * spindle.max_speed
+        by_spindle = cutting_speed_at(spindle.max_speed, work.diameter)
         highest_speed = min(highest_speed, by_spindle)
     highest_feed = machine.feed_max
     if control.action == "override":

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from operator import attrgetter
 from typing import TYPE_CHECKING, NamedTuple
 
+from turning_env.numerics.conversions import spindle_speed_at
 from turning_env.numerics.wear_term import log_wear_term
 from turning_env.scenario.power_law import MIN_DEPTH, MIN_LIFE, PowerLaw
 from turning_env.scenario.sections import MAX_DELAY
@@ -242,8 +243,8 @@ def _laws_out_of_range(scenario: "Scenario") -> Iterator[str]:
 
     # An edge is used for at least one sub-step, and for at most two lives or, if that is longer,
     # a step or a bar at the lowest speed and feed.
-    slowest_spindle = (
-        1000.0 * scenario.machine.cutting_speed_min / (math.pi * scenario.workpiece.diameter)
+    slowest_spindle = spindle_speed_at(
+        scenario.machine.cutting_speed_min, scenario.workpiece.diameter
     )
     longest_bar = scenario.workpiece.bar_length / (scenario.machine.feed_min * slowest_spindle)
     longest_time = max(control.interval / 60.0, longest_bar)

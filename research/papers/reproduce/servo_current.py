@@ -34,6 +34,7 @@ from research.papers.phase_current import CurrentReport, analyse
 from research.papers.reproduce.checks import Check, at_least, at_most, claim, table
 from research.papers.stepped_bar import NO_SPREADS
 from turning_env import Scenario, read
+from turning_env.numerics.conversions import feed_velocity_at, spindle_speed_at
 from turning_env.physics.drives import force_from_current, steady_current
 from turning_env.physics.records import parameter_records
 from turning_env.policy import PolicyFactory
@@ -212,9 +213,7 @@ def no_load_currents() -> NDArray[np.float64]:
     scenario = changed(
         "override_current", workpiece={"approach": 1000.0}, machine={"feed_min": 0.01}
     )
-    # n = 1000 vc / (pi d) [1/min]
-    turns = 1000.0 / (math.pi * scenario.workpiece.diameter)
-    turns *= scenario.control.initial_cutting_speed
+    turns = spindle_speed_at(scenario.control.initial_cutting_speed, scenario.workpiece.diameter)
     currents = []
     for velocity in FEED_VELOCITIES:
         kept = play_fixed(scenario, seconds=1.2, feed=velocity / turns)
@@ -249,13 +248,8 @@ def loaded_and_unloaded() -> tuple[float, CurrentReport]:
     base = Scenario.load("override_current")
     control = base.control
     drive = base.feed_drive
-    # Feed velocity f n with n = 1000 vc / (pi d) [mm/s].
-    speed = (
-        1000.0
-        * control.initial_cutting_speed
-        / (math.pi * base.workpiece.diameter)
-        * control.initial_feed
-        / 60.0
+    speed = feed_velocity_at(
+        control.initial_cutting_speed, control.initial_feed, base.workpiece.diameter
     )
     duration = len(HOLD_DEPTHS) * HOLD
     bar = {

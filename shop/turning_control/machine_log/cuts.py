@@ -18,6 +18,7 @@ from turning_shop import Values
 
 from turning_env.console import UserError
 from turning_env.files import replace_file
+from turning_env.numerics.conversions import cutting_speed_at
 
 MIN_SPEED = 1.0  # spindle speed above which it turns [rev/min]
 MAX_FEED = 2.0  # feed above which a move is a rapid [mm/rev]
@@ -128,7 +129,7 @@ def read_record(path: Path, settings: Settings) -> Record:
         time=time - time[0],
         weight=weight,
         spindle_speed=spindle_speed,
-        cutting_speed=np.pi * diameter * spindle_speed / 1000.0,
+        cutting_speed=cutting_speed_at(spindle_speed, diameter),
         feed_rate=np.abs(needed["feed_rate"]),
         power=_power(path, settings, column("spindle_power"), samples=samples),
         is_running=column("running") != 0.0,  # unknown counts as running
