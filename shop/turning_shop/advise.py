@@ -225,10 +225,12 @@ def advise(scenario: Scenario, evidence: Evidence) -> list[Advice]:
         )
     tried = tried_plans(scenario, evidence)
     if not allowed_loads(scenario).keeps(scenario, tried.cuts).any():
+        closest = _closest(scenario, tried.cuts)
+        depth = scenario.workpiece.depth_of_cut / closest.share
         raise WorkshopError(
-            f"no speed and feed keep {_loads_kept(scenario)} "
-            f"with an edge worn to {tried.cuts.wear.min():g} mm: "
-            f"reduce workpiece.depth_of_cut to about {_possible_depth(scenario, tried.cuts):.2g} mm"
+            f"no speed and feed keep {_loads_exceeded(scenario, closest)} "
+            f"with an edge worn to {closest.cuts.wear:g} mm: "
+            f"reduce workpiece.depth_of_cut to about {depth:.2g} mm"
             f"{_help_against_bending(scenario)}"
         )
     advice: list[Advice] = []
@@ -283,17 +285,29 @@ def tried_plans(scenario: Scenario, evidence: Evidence) -> Plan:
     return plan(scenario, evidence, cutting_speed=speeds, feed=feeds, wear=wears)
 
 
-def _possible_depth(scenario: Scenario, cuts: Cuts) -> float:
-    """Return a depth of cut that some of the cuts would keep the limits at [mm].
+class _Closest(NamedTuple):
+    """The cut of those tried that comes nearest to the limits of load."""
 
-    Loads are taken as proportional to the depth; most rise less.
-    """
+    cuts: Cuts
+    share: float  # largest load over what is allowed; a load is about in proportion to the depth
+    by_force: bool  # whether the thrust force exceeds what is allowed
+    by_power: bool  # whether the power does
+
+
+def _closest(scenario: Scenario, cuts: Cuts) -> _Closest:
+    """Return the cut that comes nearest to the limits of load."""
     allowed = allowed_loads(scenario)
     max_power = allowed.power * capacity_at(scenario, cuts.cutting_speed)
     force_share = cuts.thrust_force / allowed.thrust_force
     power_share = cuts.power / max_power
     share = np.maximum(force_share, power_share)
-    return scenario.workpiece.depth_of_cut / float(share.min())
+    index = int(share.argmin())
+    return _Closest(
+        cuts=Cuts(*(values.flat[index] for values in cuts)),
+        share=float(share.flat[index]),
+        by_force=bool(force_share.flat[index] > 1.0),
+        by_power=bool(power_share.flat[index] > 1.0),
+    )
 
 
 def _objective(tried: Plan, aim: str) -> Any:
@@ -458,13 +472,44 @@ def _shown_value(scenario: Scenario, limit: _Limit, cuts: Cuts) -> str:
         return f"{stated}: {bending(scenario)} at {force:.0f} N"
     if isinstance(value, FeedLimit):
         return f"{1000 * value.most:g} um"
-    text = f"{value:g} {limit.unit}"
+    if limit.name == "power":
+        return shown_power(scenario, cuts)
+    return f"{value:g} {limit.unit}"
+
+
+def shown_power(scenario: Scenario, cuts: Cuts) -> str:
+    """Return the limit of power at a cut, for people: as the file states it, and what is left."""
+    power = scenario.limits.power
+    efficiency = scenario.spindle.efficiency
+    text = f"{power / efficiency:g} kW"
+    reasons = []
     capacity = float(capacity_at(scenario, cuts.cutting_speed))
-    if limit.name == "power" and capacity < 1.0:
-        turns = float(cuts.spindle_speed)
-        available = f"{value * capacity:.3g} kW at {turns:.0f} rev/min"
-        text += f" ({available}, below spindle.base_speed)"
+    if capacity < 1.0:
+        reasons.append(f"{float(cuts.spindle_speed):.0f} rev/min, below spindle.base_speed")
+    if efficiency < 1.0:
+        reasons.append(f"spindle.efficiency {efficiency:g}")
+    if reasons:
+        text += f", leaves {power * capacity:.3g} kW for the cut ({'; '.join(reasons)})"
     return text
+
+
+def overload_risk(scenario: Scenario, evidence: Evidence, advice: Advice) -> Iterator[str]:
+    """Yield a sentence on the probability of overload if power binds an advice."""
+    if not any(bound.name == "limits.power" for bound in advice.bounds):
+        return
+    cuts = advice.plan.cuts
+    low = float(advice.plan.prediction.low["power"])
+    high = float(advice.plan.prediction.high["power"])
+    if not low < high:
+        return  # nothing is known of the law's width
+    limit = scenario.limits.power * float(capacity_at(scenario, cuts.cutting_speed))
+    power = float(cuts.power)
+    deviation = np.log(high / low) / (2.0 * NormalDist().inv_cdf(0.5 + 0.5 * LEVEL))
+    probability = 1.0 - NormalDist().cdf(float(np.log(limit / power) / deviation))
+    yield (
+        f"power binds at {power:.3g} of {limit:.3g} kW, interval {low:.3g} to {high:.3g} kW: a "
+        f"worn edge overloads the spindle with a probability of {100.0 * probability:.0f} %"
+    )
 
 
 def _in_range(scenario: Scenario, cuts: Cuts) -> bool:
@@ -486,21 +531,20 @@ def _law_known(limit: _Limit, evidence: Evidence) -> str:
     return f"its law is from a {known}" if known == UNMEASURED else f"its law was {known}"
 
 
-def _loads_kept(scenario: Scenario) -> str:
-    """Return the limits of load that are on, for people."""
-    limits = scenario.limits
-    strength = scenario.tool.edge_strength
-    loads = []
-    if limits.thrust_force < NO_LIMIT["thrust_force"]:
-        loads.append(f"limits.thrust_force, {limits.thrust_force:g} N,")
-    if limits.power < NO_LIMIT["power"]:
-        loads.append(f"limits.power, {limits.power:g} kW,")
-    if strength < NO_STRENGTH:
-        loads.append(f"tool.edge_strength, {strength:g} N,")
+def _loads_exceeded(scenario: Scenario, closest: _Closest) -> str:
+    """Return the limits of load that the closest cut exceeds, for people."""
     allowed = allowed_loads(scenario)
-    if allowed.by_deflection:
-        fields = bending_fields(scenario)
-        loads.append(f"the {allowed.thrust_force:.0f} N at which {bending(scenario)}, {fields},")
+    loads = []
+    if closest.by_force:
+        force = f"{allowed.thrust_force:.0f} N"
+        if allowed.by_deflection:
+            loads.append(f"the {force} at which {bending(scenario)}, {bending_fields(scenario)},")
+        elif allowed.by_strength:
+            loads.append(f"tool.edge_strength, {scenario.tool.edge_strength:g} N,")
+        else:
+            loads.append(f"limits.thrust_force, {scenario.limits.thrust_force:g} N,")
+    if closest.by_power:
+        loads.append(f"limits.power, {shown_power(scenario, closest.cuts)},")
     return " and ".join(loads)
 
 
@@ -574,6 +618,7 @@ def headline(scenario: Scenario, evidence: Evidence, advice: list[Advice]) -> It
     yield from _margins(allowed_loads(scenario), scenario)
     for bound in advice[0].bounds:
         yield bound_sentence(bound, unit)
+    yield from overload_risk(scenario, evidence, advice[0])
     if not advice[0].bounds:
         yield "No limit rules out a cheaper cut: time and edges are in balance"
     yield surface(scenario, best)

@@ -140,6 +140,11 @@ NEEDED_BY = {
     "economics.insert_price": ("economics.edges_per_insert",),
 }
 """Values that count only if another is stated and on."""
+EFFICIENCY = 0.8
+"""Power at the cut over that of the spindle's motor, if no file states it [-].
+
+Makers of inserts divide the power of the cut by 0.7 to 0.85 to find the motor.
+"""
 LIKELY_WATTS = 1000.0  # limit of power from which it probably is in W [kW]
 TAYLOR = 0.25
 """Taylor exponent n in V T^n = C [-] of carbide in steel, stainless steel and cast iron.
@@ -220,6 +225,10 @@ def for_advice(
         warnings.append(f"not stated in your files, but taken from the preset {preset}: {names}")
     warnings += _law_warnings(scenario, evidence, stated, preset)
     warnings += _off_limits(scenario)
+    if LIKELY_WATTS <= scenario.limits.power < NO_LIMIT["power"]:
+        warnings.append("limits.power is 1000 kW or more: is it in W?")
+    scenario, efficiency_warnings = _with_limit_at_the_cut(scenario, evidence, stated)
+    warnings += efficiency_warnings
     if "workpiece.bar_length" in needed:
         _check_overhang(scenario)
         warnings += _slender(scenario, stated)
@@ -232,13 +241,36 @@ def for_advice(
             off = "off, though the preset has them, as your files do not state them"
             warnings.append(f"{off}: {names}")
         warnings += _left_to_simulation(scenario)
-    if LIKELY_WATTS <= scenario.limits.power < NO_LIMIT["power"]:
-        warnings.append("limits.power is 1000 kW or more: is it in W?")
     if "wear" not in evidence.laws and is_papers(scenario.material.wear):
         speed = Scenario.load(preset).control.initial_cutting_speed
         scenario = _with_taylor(scenario, speed)
         warnings.append(f"wear: {CATALOGUE}, with the preset's tool life at {speed:g} m/min")
     return scenario, evidence.model_copy(update={"warnings": tuple(warnings)})
+
+
+def _with_limit_at_the_cut(
+    scenario: Scenario, evidence: Evidence, stated: set[str]
+) -> tuple[Scenario, list[str]]:
+    """Return a scenario whose limit of power is that of the cut, and warnings on its efficiency.
+
+    ``limits.power`` is that of the nameplate, at the motor. A catalogue's law of power is that of
+    the cut; a measured one is of the power that was measured.
+    """
+    power = scenario.limits.power
+    if power >= NO_LIMIT["power"]:
+        return scenario, []
+    law = evidence.laws.get("power")
+    efficiency = scenario.spindle.efficiency
+    warnings = []
+    if "spindle.efficiency" not in stated and law and law.origin == "catalogue":
+        efficiency = EFFICIENCY
+        warnings.append(
+            f"spindle.efficiency is not stated: {efficiency:g} (0.7 to 0.85, makers' guides), so "
+            f"that of {power:g} kW on the nameplate {efficiency * power:.3g} kW reach the cut; "
+            "state 1 if limits.power is the power at the cut"
+        )
+    changes = {"limits": {"power": efficiency * power}, "spindle": {"efficiency": efficiency}}
+    return _changed(scenario, changes), warnings
 
 
 def _preset_warnings(scenario: Scenario, is_simulated: bool) -> Iterator[str]:

@@ -25,6 +25,7 @@ from turning_shop.advise import (
     extrapolation,
     money,
     not_by_wear,
+    overload_risk,
     plan,
     surface,
     table,
@@ -48,6 +49,7 @@ from turning_shop.catalogue.start_values import (
     FEED_EXPONENT,
     FEEDS_SOURCE,
     LIFE,
+    Grade,
     Start,
     check_grade,
     feeds_of,
@@ -117,6 +119,7 @@ class Job(NamedTuple):
     values: dict[str, Any]  # that the catalogue and the question state, by section
     machine: str
     hardness_stated: bool
+    efficiency_assumed: bool
 
     @property
     def sources(self) -> Iterator[str]:
@@ -207,15 +210,7 @@ def job_of(question: Question) -> Job:
     if depth is None:
         depth = min(insert.cut.depth.usual, insert.max_depth)
         assumptions = (f"no --depth is given: {depth:.3g} mm, the usual one of its chip breaker",)
-    if question.start_speed is None:
-        check_grade(material.group, grade)
-        start = start_of(material.group, grade)
-    else:
-        feed = insert.cut.feed.usual
-        if question.feeds is not None:
-            # The box states its start speed at the middle of its own window.
-            feed = sum(question.feeds) / 2
-        start = stated_start(question.start_speed, feed, depth)
+    start = _start(question, material, insert=insert, grade=grade, depth=depth)
     window = _window(question, material, insert=insert, start=start, machine=machine, stated=stated)
     _check_depth(depth, insert, stock=question.stock)
 
@@ -232,6 +227,8 @@ def job_of(question: Question) -> Job:
         assumptions += ("the chuck alone holds the bar: --support states another",)
     values["material"] = fitted.model_dump()
     values["limits"] = _limits(machine, stated, fitted=fitted, window=window)
+    if values["limits"]["thrust_force"] != machine.limits.thrust_force:
+        window = window._replace(catalogue_ends=window.catalogue_ends | {"limits.thrust_force"})
     if "economics.edges_per_insert" not in stated:
         values["economics"] = {"edges_per_insert": float(insert.edges)}
     name = f"{material.name}_{insert.name}_{grade.name}"
@@ -240,6 +237,7 @@ def job_of(question: Question) -> Job:
         scenario = with_roughness(scenario, question.roughness)
         roughness = scenario.limits.roughness.model_dump(exclude_defaults=True)
         values["limits"]["roughness"] = roughness
+    efficiency_stated = "spindle.efficiency" in stated
     tool = f"{insert.name} {grade.name} in {material.name}"
     known = Evidence(
         source="catalogue", tool=tool, laws=evidence_laws, hardness=material.group.hardness
@@ -261,7 +259,26 @@ def job_of(question: Question) -> Job:
         values=values,
         machine=question.machine,
         hardness_stated=question.hardness is not None,
+        efficiency_assumed=scenario.spindle.efficiency < 1.0 and not efficiency_stated,
     )
+
+
+def _start(
+    question: Question, material: Material, *, insert: Insert, grade: Grade, depth: float
+) -> Start:
+    """Return the start value: that of the box, or else of the table.
+
+    Raises:
+        WorkshopError: The table has none, for the grade is made for something else.
+    """
+    if question.start_speed is None:
+        check_grade(material.group, grade)
+        return start_of(material.group, grade)
+    feed = insert.cut.feed.usual
+    if question.feeds is not None:
+        # The box states its start speed at the middle of its own window.
+        feed = sum(question.feeds) / 2
+    return stated_start(question.start_speed, feed, depth)
 
 
 def _material(question: Question) -> Material:
@@ -291,6 +308,12 @@ def _material(question: Question) -> Material:
 def questions(job: Job) -> Iterator[str]:
     """Yield what to tell because the answer depends on it, as sentences for people."""
     group = job.material.group
+    if job.efficiency_assumed:
+        efficiency = job.scenario.spindle.efficiency
+        yield (
+            f"are the {job.scenario.limits.power / efficiency:g} kW of limits.power on the "
+            f"nameplate? spindle.efficiency states what share reaches the cut, here {efficiency:g}"
+        )
     states = other_states(group)
     if states and job.material.name != group.name and not job.hardness_stated:
         yield (
@@ -694,6 +717,7 @@ def _answer(job: Job, advice: list[Advice]) -> Iterator[str]:
         owner = ", of the catalogue" if bound.name in job.window.catalogue_ends else ""
         yield bound_sentence(bound._replace(limit=bound.limit + owner), prices.unit)
     work = scenario.workpiece
+    yield from overload_risk(scenario, job.evidence, advice[0])
     yield surface(scenario, advice[0].plan)
     yield (
         f"{work.diameter:g} mm diameter, {work.bar_length:g} mm long; "

@@ -220,6 +220,13 @@ class Spindle(Section):
     idle_torque: float = quantity(
         0, 0, 1e5, "N m", "torque of the idling spindle, which adds to that of the cut"
     )
+    efficiency: float = quantity(
+        1,
+        0.1,
+        1,
+        "-",
+        "power at the cut over that of the motor; the shop multiplies limits.power by it",
+    )
     short_time_load: float = quantity(
         1, 1, 5, "-", "load allowed until the motor is hot, over that always allowed"
     )

@@ -89,10 +89,11 @@ def _start_complaints(scenario: "Scenario") -> Iterator[str]:
         start = getattr(control, f"initial_{name}")
         low = getattr(scenario.machine, f"{name}_min")
         high = getattr(scenario.machine, f"{name}_max")
-        if not low <= start <= high or low == high:
+        if low == high:
+            yield f"machine.{name}_min must be below machine.{name}_max, but both are {low}"
+        elif not low <= start <= high:
             yield (
-                f"control.initial_{name} is {start}, "
-                f"but must lie in the machine's {low} to {high} (not equal)"
+                f"control.initial_{name} is {start}, but must lie in the machine's {low} to {high}"
             )
     start = control.initial_cutting_speed
     highest = scenario.cutting_speed_max

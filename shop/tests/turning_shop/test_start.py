@@ -12,7 +12,7 @@ from typing import NamedTuple
 import pytest
 from turning_shop import WorkshopError
 from turning_shop.__main__ import main
-from turning_shop.advise import MIN_COST, Plan, best_plan, tried_plans
+from turning_shop.advise import MIN_COST, Plan, best_plan, overload_risk, tried_plans
 from turning_shop.catalogue.inserts import read_insert
 from turning_shop.catalogue.materials import find_material
 from turning_shop.catalogue.start_values import read_grade, start_of
@@ -515,7 +515,7 @@ def test_the_answer_has_intervals_a_limit_and_what_to_measure(machine: str) -> N
 
 def test_on_a_weak_machine_the_power_is_what_to_measure(tmp_path: Path) -> None:
     path = tmp_path / "weak.toml"
-    path.write_text(MACHINE.replace("15.0", "4.0"))
+    path.write_text(MACHINE.replace("15.0", "5.0"))
     question = Question(
         "42CrMo4",
         "CNMG120408-PM",
@@ -531,9 +531,58 @@ def test_on_a_weak_machine_the_power_is_what_to_measure(tmp_path: Path) -> None:
     assert "the spindle's power in one cut" in sentence(job, advice)
 
 
+def test_the_nameplates_power_is_not_that_of_the_cut(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "machine.toml"
+    question = Question("42CrMo4", "CNMG120408-PM", "P25", BAR, depth=4.0, machine=str(path))
+    path.write_text(MACHINE.replace("15.0", "11.0"))
+    assert job_of(question).scenario.limits.power == pytest.approx(0.8 * 11.0)
+    path.write_text(
+        MACHINE.replace("15.0", "11.0").replace("[spindle]", "[spindle]\nefficiency = 0.9")
+    )
+    assert job_of(question).scenario.limits.power == pytest.approx(0.9 * 11.0)
+    path.write_text(MACHINE.replace("15.0", "11.0"))
+    words = "--material 42CrMo4 --tool CNMG120408-PM --grade P25 --stock 80x200 --depth 4"
+    assert main(["advise", *words.split(), "--machine", str(path)]) == 0
+    printed = capsys.readouterr().out
+    assert "on the nameplate? spindle.efficiency states what share" in printed
+    assert "limits.power, 11 kW, leaves" in printed
+
+
+def test_the_probability_of_overload_is_told_where_power_binds(tmp_path: Path) -> None:
+    """At its limit, half of the machines of a law without bias are overloaded."""
+    path = tmp_path / "machine.toml"
+    path.write_text(MACHINE.replace("15.0", "11.0"))
+    question = Question("42CrMo4", "CNMG120408-PM", "P25", BAR, depth=4.0, machine=str(path))
+    job = job_of(question)
+    (sentence,) = overload_risk(job.scenario, job.evidence, start_advice(job)[0])
+    probability = float(sentence.split()[-2])
+    assert 35.0 <= probability <= 50.0
+    assert "interval" in sentence
+
+
+def test_a_refusal_names_what_binds_and_what_the_user_set(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "machine.toml"
+    path.write_text("[spindle]\nbase_speed = 800.0\n\n[limits]\npower = 11.0\n")
+    words = "--material 42CrMo4 --tool CNMG120408-PM --grade P25 --stock 600x200 --depth 4"
+    assert main(["advise", *words.split(), "--machine", str(path)]) == 2
+    refused = capsys.readouterr().err
+    # At 98 rev/min of 800, with the efficiency: 0.8 * 11 * 98 / 800 kW.
+    assert "leaves 1.08 kW for the cut (98 rev/min, below spindle.base_speed" in refused
+    assert "limits.thrust_force" not in refused
+    path.write_text("[machine]\ncutting_speed_min = 200.0\n")
+    assert main(["advise", *words.split(), "--machine", str(path)]) == 2
+    refused = capsys.readouterr().err
+    assert "machine.cutting_speed_min must be below machine.cutting_speed_max" in refused
+    assert "initial_cutting_speed" not in refused
+
+
 def test_a_depth_that_the_spindle_can_turn_is_named(tmp_path: Path) -> None:
     path = tmp_path / "weak.toml"
-    path.write_text(MACHINE.replace("15.0", "2.0"))
+    path.write_text(MACHINE.replace("15.0", "2.5"))
     question = Question(
         "42CrMo4",
         "CNMG120408-PM",
