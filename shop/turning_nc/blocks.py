@@ -13,6 +13,7 @@ from turning_nc.modal import COORDINATES
 from turning_nc.words import BlockError, Line, Word
 
 DWELL = 4  # G4
+LOCAL_SHIFT = 52  # G52
 
 # Words that say how a block moves, beside its coordinates.
 PARAMETERS = frozenset("IKRPQDLA") | {"CR", "ANG", ",A", ",C", ",R", "CHR", "CHF", "RND"}
@@ -21,7 +22,7 @@ PARAMETERS = frozenset("IKRPQDLA") | {"CR", "ANG", ",A", ",C", ",R", "CHR", "CHF
 ONCE = frozenset("XZUWIKRFST")
 
 # Addresses of the parameters that have a meaning in some blocks only, such as I and K in an arc.
-OF_SOME_BLOCKS = frozenset("IKRPQDLA") | {"CR"}
+OF_SOME_BLOCKS = frozenset("IJKRPQDELA") | {"CR"}
 
 # Axes of mill-turn machines; at 0 they do not change how a tool turns.
 NULL_AXES = frozenset("YVCBA")
@@ -62,6 +63,7 @@ def single_words(control: Control, line: Line) -> Line:
 
 def known_words(control: Control, line: Line) -> Line:
     """Return the line without labels, null words, and words that the dialect does not have."""
+    line = _without_null_shift(control, line)
     foreign = _foreign_functions(control, line)
     taken = _words_of(line, foreign)
 
@@ -86,6 +88,20 @@ def known_words(control: Control, line: Line) -> Line:
             left_out = f", so {' and '.join(names)} are left out"
         control.refuse(f"G{min(foreign):g} is not understood{left_out}")
     return known
+
+
+def _without_null_shift(control: Control, line: Line) -> Line:
+    """Return the line without a local shift of the zero point, G52, by 0."""
+    coordinates = [word for word in line.words if word.address in COORDINATES]
+    shifts = any(word.value for word in coordinates)
+    if not control.fanuc or line.codes != {LOCAL_SHIFT} or not coordinates or shifts:
+        return line
+    control.note("G52 with zeros does not shift the zero point")
+
+    def stays(word: Word) -> bool:
+        return word.address != "G" and word.address not in COORDINATES
+
+    return _kept(line, stays)
 
 
 def _is_null(control: Control, word: Word) -> bool:
@@ -225,8 +241,10 @@ def _addresses_used_by_fanuc(
     used: set[str] = set()
     if cycle:
         used |= {"P", "Q", "D", "R"}
-        if cycle >= 73:
+        if cycle >= 73 or (cycle in (71, 72) and line.first("P")):
             used |= {"I", "K"}
+        if cycle == 76 and control.linuxcnc:
+            used |= {"J", "E", "L"}
     elif motion in (90, 92, 94):
         # Boxes replace the motion in force: R is their taper.
         used = {"R"}
@@ -239,7 +257,7 @@ def _addresses_used_by_fanuc(
         used.add("A")
     if line.has("M", 98):
         used |= {"P", "L"}
-    elif codes & {4, 30, 64, 103}:
+    elif codes & {4, 30, 64, 103, 154, 187}:
         used.add("P")
     elif 96 in codes:
         used.add("D")

@@ -231,7 +231,8 @@ class Control(Modal, ABC):
             return
         if self.feed.value <= 0.0:
             raise BlockError("no feed is set: F")
-        if self.speed.value <= 0.0:
+        # A feed per minute needs no spindle, as that of a bar puller; the metal tells if it cuts.
+        if self.speed.value <= 0.0 and self.per_revolution:
             raise BlockError("no speed is set: S")
 
     def _break_corner(self, corner: Corner, path: Path) -> Path:

@@ -226,11 +226,13 @@ def motion(situation: Situation, feed: Values, speed: Values) -> Motion:
     around = 2.0 * math.pi * np.maximum(slices.radius, MIN_RADIUS) / 1000.0  # [m/rev]
     turning = np.maximum(spindle_speed(s, speed), MIN_SPINDLE_SPEED)
     turns = np.where(s.fed, turning, 0.0)
-    # Rapid moves have no turns; a 1 in their place keeps the quotient defined.
-    per_turn_of_time = feed / np.where(s.fed, turns, 1.0)
+    # Rapid moves have no turns, and moves per minute in air may have none, as those of a bar
+    # puller. A 1 in their place keeps quotients defined.
+    has_turns = s.fed & (s.engaged | (turns > MIN_SPINDLE_SPEED))
+    per_turn_of_time = np.where(has_turns, feed / np.where(has_turns, turns, 1.0), 0.0)
     per_turn = np.where(s.per_revolution, feed, per_turn_of_time)
-    velocity = np.where(s.fed, per_turn * turns, 1.0)  # [mm/min]
-    feed_time = np.where(s.fed, 60.0 * slices.length / velocity, 0.0)
+    velocity = np.where(s.per_revolution, feed * turns, feed)  # [mm/min]
+    feed_time = np.where(s.fed, 60.0 * slices.length / np.where(s.fed, velocity, 1.0), 0.0)
     return Motion(
         time=s.other_time + feed_time,
         cutting_speed=turns * around,

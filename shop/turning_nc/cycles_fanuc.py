@@ -24,12 +24,13 @@ from turning_nc.passes import (
     Roughing,
     Thread,
     decreasing_depths,
+    degressive_depths,
     pecked,
     repeated_passes,
     roughing_passes,
     thread_passes,
 )
-from turning_nc.paths import Path, Point, Stop, joined
+from turning_nc.paths import Path, Point, Stop, joined, shifted
 from turning_nc.words import BlockError, Line, Word
 
 MAX_REPEATS = 1000
@@ -177,14 +178,20 @@ def _rough(control: Control, line: Line, lines: ContourLines, code: int) -> None
         address = "W" if facing else "U"
         raise BlockError(f"G{code} needs the depth of its passes: a block before it with {address}")
     side = choose_side(control, contour, allowance=allowance, facing=facing)
+    # I and K of Haas and of Fanuc's older format: metal that stays for a pass along the contour
+    # before the cycle ends.
+    semi_finishing = Point(control.length(line.first("K")), control.length(line.first("I")))
     cycle = Roughing(
         depth=control.cycle.depth,
         retraction=control.cycle.retraction,
-        allowance=allowance,
+        allowance=shifted(allowance, semi_finishing),
         upwards=side.upwards,
         facing=facing,
     )
     add_passes(control, roughing_passes(contour, start, cycle))
+    if semi_finishing != Point(0.0, 0.0):
+        once = Repeating(Point(0.0, 0.0), 1)
+        add_passes(control, repeated_passes(contour, start, allowance=allowance, cycle=once))
 
 
 def _set_depth(control: Control, line: Line, code: int) -> None:
@@ -238,6 +245,9 @@ def _set_repeating(control: Control, line: Line) -> None:
 
 def _thread(control: Control, line: Line) -> None:
     """Run G76: the first of its two blocks, the second, or the only one with K and D."""
+    if control.linuxcnc:
+        _thread_of_linuxcnc(control, line)
+        return
     if not line.first("X", "Z", "U", "W"):
         _set_thread(control, line)
         return
@@ -279,6 +289,49 @@ def _thread(control: Control, line: Line) -> None:
         angle=settings.angle,
     )
     with control.thread_feed(lead):
+        add_passes(control, thread_passes(thread, depths), "thread")
+
+
+def _thread_of_linuxcnc(control: Control, line: Line) -> None:
+    """Run G76 of LinuxCNC, from its drive line, the X of the tool.
+
+    P is the pitch, Z the end, I the way from the drive line to the thread's crest, J the first
+    depth, K the height, R the degression, Q the angle of infeed and H the number of spring passes.
+    I, J and K are diameters if X is. E and L, tapers at the ends, are left out.
+    """
+    pitch = line.number_of("P")
+    crest = line.first("I")
+    first = line.first("J")
+    height = line.first("K")
+    if not (pitch and crest and first and height and line.first("Z")):
+        raise BlockError(
+            "G76 of LinuxCNC needs P (pitch), Z (end), I (crest), J (first depth) and K (height)"
+        )
+    if line.number_of("L"):
+        control.note("tapers at the ends of the thread, E and L of G76, are left out")
+    start = control.here
+    scale = radius_per_x(control)
+    peak = start.x + scale * control.in_mm(crest)
+    full_depth = scale * control.in_mm(height)
+    root = peak - math.copysign(full_depth, start.x - peak)
+    springs = line.number_of("H") or 0.0
+    if not (springs == int(springs) and 0 <= springs <= MAX_REPEATS):
+        raise BlockError(f"G76 makes {springs:g} spring passes, but 0 to {MAX_REPEATS} are read")
+    depths = degressive_depths(
+        full_depth,
+        scale * control.in_mm(first),
+        degression=line.number_of("R") or 1.0,
+    )
+    depths += [full_depth] * int(springs)
+    thread = Thread(
+        start=start,
+        end=control.target(line).z,
+        first_root=root,
+        last_root=root,
+        height=full_depth,
+        angle=line.number_of("Q") or 0.0,
+    )
+    with control.thread_feed(pitch):
         add_passes(control, thread_passes(thread, depths), "thread")
 
 

@@ -24,7 +24,7 @@ _TERM = rf"(?:R\d+|{NUMBER}|(?:[A-Z]+\s*)?\((?:[^()]|\([^()]*\))*\))"
 
 _CODES_OF_BOTH = {0, 1, 2, 3, 4, 33, 41, 42, 53, 90, 91, 94, 95, 96, 97}
 
-ZERO_OFFSETS = frozenset({*range(54, 60), *range(505, 600)})
+ZERO_OFFSETS = frozenset({*range(54, 60), 154, *range(505, 600)})
 """G functions that set a zero offset, of Fanuc and of SINUMERIK."""
 
 CornerKind = Literal["legs", "chord", "radius"]
@@ -115,7 +115,7 @@ FANUC = Dialect(
         r"(?:(?P<word>IF|WHILE)\s*(?P<condition>\[.*\]))?\s*"
         r"(?:(?P<jump>GOTO|DO|END)\s*(?P<target>\d+)|THEN\s*(?P<then>.+))"
     ),
-    addresses=frozenset({*"NGMTSFXZUWIKRPQDLAH", ",A", ",C", ",R"}),
+    addresses=frozenset({*"NGMTSFXZUWIJKRPQDELAH", ",A", ",C", ",R"}),
     names=frozenset(),
     codes=_codes(
         _CODES_OF_BOTH,
@@ -123,7 +123,7 @@ FANUC = Dialect(
         {7, 8, 20, 21, 28, 30, 32, 50, 80, 91.1, 92, 98, 99},
         _FANUC_CYCLES,
         # Exact stop, plane, zero offsets and other functions without effect on the path.
-        {9, 18, 22, 23, 25, 26, 40, 43, 49, 61, 64, 67, 69, 103, 187},
+        {9, 18, 22, 23, 25, 26, 40, 43, 49, 61, 64, 67, 69, 103, 154, 187},
         range(54, 60),
     ),
     units={20: UnitCode(INCH, with_feeds=True), 21: UnitCode(1.0, with_feeds=True)},

@@ -330,8 +330,8 @@ class _Parser:
         value = _combined(COMPARISONS[name], value, self._sum())
         if self._next.text in COMPARISONS:
             raise ValueError(
-                f"{name} {self._next.text}: controls differ in chains of comparisons; "
-                "write each in brackets"
+                f"controls differ in chains of comparisons, such as {name} and "
+                f"{self._next.text} here: write each in brackets"
             )
         return value
 

@@ -79,7 +79,7 @@ class Modal:
 
     # Largest coordinate without a decimal point in each line that has one of ``MIN_LARGE`` or more.
     large_numbers: dict[int, float] = field(default_factory=dict)
-    zero_offset: float | None = None  # G function of the last zero offset
+    zero_offset: str = ""  # the last zero offset, such as G54; empty if there was none
     motion: int | None = None  # G function of the moves, or of the box cycle, in force
     line: Line = field(default_factory=lambda: Line(0, "", words=(), end=0))
 

@@ -351,7 +351,7 @@ class ProgramControl(Control):
         They are units, coordinates, kind of feed, diameters, zero offsets and compensation.
         """
         self.set_units_and_modes(codes)
-        self._note_zero_offsets(codes)
+        self._note_zero_offsets(line, codes)
         for word in line.words:
             if word.address in DIAMETERS:
                 self.diameter = word.address
@@ -366,15 +366,17 @@ class ProgramControl(Control):
                 "as with a nose radius that the control compensates"
             )
 
-    def _note_zero_offsets(self, codes: set[float]) -> None:
+    def _note_zero_offsets(self, line: Line, codes: set[float]) -> None:
         """Note that a program changes its zero offset after a move."""
         for code in codes & ZERO_OFFSETS:
-            if self.zero_offset not in (None, code) and self.has_moved:
+            number = line.number_of("P") if code == 154 else None
+            name = f"G{code:g}" if number is None else f"G{code:g} P{number:g}"
+            if self.zero_offset not in ("", name) and self.has_moved:
                 self.note(
-                    f"G{code:g} after G{self.zero_offset:g}: zero offsets are not in the "
+                    f"{name} after {self.zero_offset}: zero offsets are not in the "
                     "program, so one zero point is taken for all (assumption)"
                 )
-            self.zero_offset = code
+            self.zero_offset = name
 
     def _set_values(self, line: Line, codes: set[float]) -> Line:
         """Set feed, speed and tool, and dwell; return the line without its dwell."""

@@ -501,6 +501,31 @@ def decreasing_depths(
     return depths + [height] * finishing
 
 
+def degressive_depths(height: float, first: float, degression: float) -> list[float]:
+    """Return the depths of all passes of LinuxCNC's G76 [mm].
+
+    Pass n is first * n^(1 / degression) deep: at a degression of 1 all steps are equal, at 2 all
+    areas of chips.
+
+    Raises:
+        BlockError: no such thread can be cut, or it takes too many passes.
+    """
+    if not (0.0 < first <= height and degression >= 1.0):
+        raise BlockError(
+            f"a thread {height:g} mm high with a first pass of {first:g} mm and a degression of "
+            f"{degression:g} cannot be cut"
+        )
+    depths: list[float] = []
+    while not depths or depths[-1] < height:
+        number = len(depths) + 1
+        depths.append(min(first * number ** (1.0 / degression), height))
+        if number > MAX_PASSES:
+            raise BlockError(
+                f"a thread of more than {MAX_PASSES} passes is not made: is the first depth right?"
+            )
+    return depths
+
+
 def thread_passes(thread: Thread, depths: Sequence[float]) -> list[Pass]:
     """Return the moves of every pass, from the start back to it; the second or third is the cut.
 

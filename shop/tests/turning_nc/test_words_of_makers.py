@@ -1,0 +1,97 @@
+"""Words that some makers' controls have: Haas, LinuxCNC, and bar pullers."""
+
+import pytest
+
+pytest.importorskip("shapely")
+
+from turning_nc.cutting import Machine, Situation, play
+from turning_nc.moves import Move
+from turning_nc.removal import remove
+from turning_nc.stock import read_stock
+from turning_nc.words import NcError
+
+from shop.tests.turning_nc.programs import BAR, moves
+from turning_env import Scenario
+
+# LinuxCNC's G76 from the drive line X32: crest at X30, height 0.46 mm in radius.
+THREAD = (
+    "G21 G7 G18 G95 G97\nT3 M6\nM3 S500\nG0 X32 Z4\n"
+    "G76 P1.5 Z-20 I-2 J0.2 R1 K0.92 Q29.5 H1\nG0 X40 Z20\nM2\n"
+)
+ROUGHING = (
+    "G21 G99 T0101\nG97 S800 M3\nG0 X62. Z2.\n"
+    "G71 P1 Q2 U0.4 W0.1 D2.5{extra} F0.25\nN1 G0 X40.\nG1 Z-30.\nN2 X62.\nM30\n"
+)
+
+
+def fed(text: str) -> list[Move]:
+    """Return the moves of a program at feed."""
+    return [move for move in moves(text).moves if move.kind in ("feed", "thread")]
+
+
+def test_a_thread_of_linuxcnc_goes_down_by_steps_to_its_root() -> None:
+    cuts = fed(THREAD)
+    depths = [round(15.0 - cut.path.end.x, 6) for cut in cuts]
+    assert depths == [0.1, 0.2, 0.3, 0.4, 0.46, 0.46]
+    assert {cut.feed.value for cut in cuts} == {1.5}
+    assert {cut.path.end.z for cut in cuts} == {-20.0}
+
+
+@pytest.mark.parametrize(
+    ("degression", "second"), [("R1", 0.2), ("R2", 0.1 * 2**0.5), ("R1.5", 0.1 * 2 ** (2 / 3))]
+)
+def test_the_degression_of_a_thread_sets_its_steps(degression: str, second: float) -> None:
+    _, cut, *_ = fed(THREAD.replace("R1 ", f"{degression} "))
+    assert 15.0 - cut.path.end.x == pytest.approx(second)
+
+
+def test_a_thread_of_linuxcnc_in_radii_and_inside() -> None:
+    inside = THREAD.replace("G7 ", "G8 ").replace("X32", "X10").replace("I-2 J0.2", "I1 J0.46")
+    cuts = fed(inside)
+    assert [round(cut.path.end.x, 6) for cut in cuts] == [11.46, 11.92, 11.92]
+
+
+@pytest.mark.parametrize("word", ["P1.5", "Z-20", "I-2", "J0.2", "K0.92"])
+def test_a_thread_of_linuxcnc_needs_its_words(word: str) -> None:
+    with pytest.raises(NcError, match=r"line 5: G76 of LinuxCNC needs P"):
+        moves(THREAD.replace(word, ""))
+
+
+def test_i_and_k_of_haas_leave_metal_for_a_pass_along_the_contour() -> None:
+    plain = fed(ROUGHING.format(extra=""))
+    stepped = fed(ROUGHING.format(extra=" I0.5 K0.2"))
+    # The last pass along the contour ends on the same allowance as without I and K.
+    assert stepped[-2].path.end == plain[-2].path.end == pytest.approx((-29.9, 20.2))
+    radii = {round(move.path.end.x, 6) for move in stepped if move.path.end.z < -29.0}
+    assert 20.7 in radii
+
+
+def test_i_and_k_have_no_meaning_without_a_contour() -> None:
+    text = ROUGHING.format(extra="").replace("G71 P1", "G71 U2.5 R0.5 I1.\nG71 P1")
+    with pytest.raises(NcError, match=r"line 4: I1\. has no meaning"):
+        moves(text)
+
+
+def test_zero_offsets_of_haas_and_a_null_shift_are_read() -> None:
+    made = moves(f"{BAR}G154 P12\nG52 X0. Z0.\nG187 P1\nG1 X56. F0.2\nG154 P13\nZ-20.")
+    assert made.moves[-1].path.end == (-20.0, 28.0)
+    assert any("G154 P13 after G154 P12" in note for note in made.notes)
+    with pytest.raises(NcError, match="G52 is not understood"):
+        moves(f"{BAR}G52 Z5.\nG1 X56. F0.2")
+
+
+PULLER = "G21 G98\nT0909\nG0 X0. Z5.\nG1 Z1. F500\nG4 P500\nG1 Z40. F2000\nG0 Z60.\n"
+CUT = "T0101\nG99 G97 S800 M3\nG0 X52. Z2.\nG1 Z-20. F0.2\nG0 X60.\nM30\n"
+
+
+def test_a_bar_puller_moves_without_a_speed() -> None:
+    made = moves(PULLER + CUT)
+    situation = Situation(
+        Scenario.load("rough_turning"), Machine(), made, remove(made, read_stock("bar:60x60"))
+    )
+    played = play(situation, 0.2)
+    pulled = (situation.line == 6) & situation.fed
+    assert played.time[pulled].sum() == pytest.approx(60.0 * 39.0 / 2000.0)
+    assert (played.feed[pulled] == 0.0).all()
+    with pytest.raises(NcError, match="line 4: no speed is set"):
+        moves(PULLER.replace("G98", "G99") + CUT)
