@@ -125,7 +125,10 @@ class GuidedRule(SelfTuning):
         believed = self._belief.observe(observations)
         entries = self._belief.entries
         without_context = observations[:, :entries]
-        self._remember(read(without_context, self._scenario))
+        reading = read(without_context, self._scenario)
+        fresh = reading.cutting_time < self._edge["cutting_time"]
+        self._remember_removed_edge(reading, fresh)
+        self._remember_heat(reading, fresh)
 
         columns = [self._history[name] for name in HISTORY]
         history = np.stack(columns, axis=1)
@@ -145,12 +148,6 @@ class GuidedRule(SelfTuning):
 
     def _observe(self, reading: Reading) -> None:
         """Do nothing: ``features`` observes."""
-
-    def _remember(self, reading: Reading) -> None:
-        """Bring the history up to date."""
-        fresh = reading.cutting_time < self._edge["cutting_time"]
-        self._remember_removed_edge(reading, fresh)
-        self._remember_heat(reading, fresh)
 
     def _remember_removed_edge(self, reading: Reading, fresh: Mask) -> None:
         """Note the end of the last edge where a fresh one has been put in."""

@@ -27,7 +27,7 @@ import numpy as np
 from baselines.constant_force import force_of_roughness, holds_roughness_by_feed
 from baselines.models.part_program import PartProgram, on_override, on_program
 from baselines.rule import Array, Mask, Range, Rule
-from turning_env import Reading, Scenario, read
+from turning_env import Reading, read
 from turning_env.numerics.conversions import spindle_speed_at
 from turning_env.numerics.functions import exp, log, real_power
 from turning_env.physics.drives import lag_share
@@ -210,10 +210,6 @@ class PowerLead(LeadControl):
         return self._target
 
 
-def _plays_power(scenario: Scenario) -> bool:
-    return on_override(scenario) and scenario.material.power.feed > 0.0
-
-
 TIME = Range(0.005, 0.5, logarithmic=True)
 """Time constants [s]: half an interval of these tasks to several times their longest lag."""
 APPROACH = Range(0.5, 2.0)
@@ -231,7 +227,7 @@ RULES = {
         "constant spindle power with an estimate of power per feed and a lead for the lags of "
         "servo and chip (this project)",
         on_program(PowerLead),
-        plays=_plays_power,
+        plays=lambda scenario: on_override(scenario) and scenario.material.power.feed > 0.0,
         parameters={
             "target": Range(0.7, 1.0),
             "estimate_time": TIME,

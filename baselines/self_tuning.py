@@ -16,7 +16,7 @@ from baselines import law_errors
 from baselines.optimiser import LifeLaw, optimising, plays
 from baselines.predictive import Predictive
 from baselines.rule import Array, Mask, Scenarios
-from turning_env import Reading, Scenario
+from turning_env import Reading
 
 EARLY = 0.3
 """Time by which the tool may enter a bar earlier than expected [s] (found on training jobs)."""
@@ -88,15 +88,11 @@ class SelfTuning(Predictive):
         return spent
 
 
-def _plays(scenario: Scenario) -> bool:
-    return plays(scenario) and scenario.sensors.inspects_edges
-
-
 DESCRIPTION = "the optimiser with foresight, which learns the errors of the laws"
 RULES = {
     "self_tuning": replace(
         optimising(DESCRIPTION, SelfTuning, version=6),
-        plays=_plays,
+        plays=lambda scenario: plays(scenario) and scenario.sensors.inspects_edges,
         parameters={"severity": 1.2, "caution": 0.9, "wear_caution": 0.9},  # found on training jobs
         tuned_on=None,
     )

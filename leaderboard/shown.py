@@ -45,11 +45,7 @@ def markdown_text(value: object) -> str:
     """
     if isinstance(value, list) and len(str(value)) <= MAX_VALUE:
         return f"[{', '.join(map(markdown_text, value))}]"
-    return _MARKUP.sub(_character_reference, limited(value))
-
-
-def _character_reference(match: re.Match[str]) -> str:
-    return f"&#{ord(match[0])};"
+    return _MARKUP.sub(lambda markup: f"&#{ord(markup[0])};", limited(value))
 
 
 def fenced(lines: list[str]) -> str:

@@ -190,8 +190,11 @@ def names_of(policies: Sequence[PolicySpec]) -> dict[str, str]:
     """
     trainings_by_title: dict[str, dict[str, list[PolicySpec]]] = {}
     for policy in sorted(policies, key=is_external):
+        # Agents whose trainings differ only in their seed have the same digest.
+        training = policy.model_dump(include={"kind", "tuned_for", "parameters"})
+        digest = digest_of([is_external(policy), training])
         trainings = trainings_by_title.setdefault(policy.title, {})
-        trainings.setdefault(_training_digest(policy), []).append(policy)
+        trainings.setdefault(digest, []).append(policy)
 
     names: dict[str, str] = {}
     for title, trainings in trainings_by_title.items():
@@ -203,12 +206,6 @@ def names_of(policies: Sequence[PolicySpec]) -> dict[str, str]:
             for policy in same_training:
                 names[policy.label] = name
     return names
-
-
-def _training_digest(policy: PolicySpec) -> str:
-    """Return a digest that trainings share if they differ only in their seed."""
-    training = policy.model_dump(include={"kind", "tuned_for", "parameters"})
-    return digest_of([is_external(policy), training])
 
 
 def _description(policy: PolicySpec) -> str:

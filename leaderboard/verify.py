@@ -111,7 +111,8 @@ class _Verifiable(NamedTuple):
 class _Replay(NamedTuple):
     """A piece of work: a result to play again, on some of its seeds by their places."""
 
-    verifiable: _Verifiable
+    result: Result
+    player: PolicySpec | Path
     places: list[int]
 
 
@@ -150,10 +151,11 @@ def verify(
     came_back = set() if draw is not None else _remembered(memory)
     replays = {}
     for path, verifiable in examined.results.items():
-        if verifiable.player is not None and verifiable.result.checksum not in came_back:
-            replays[path] = _Replay(verifiable, _places(verifiable, draw))
+        result, player = verifiable
+        if player is not None and result.checksum not in came_back:
+            replays[path] = _Replay(result, player, _places(result, player, draw))
     # The longest first, so that no worker plays on long after the others have finished.
-    longest_first = sorted(replays, key=lambda path: -_length(replays[path].verifiable.result))
+    longest_first = sorted(replays, key=lambda path: -_length(replays[path].result))
     pieces = [(path, replays[path]) for path in longest_first]
 
     with progress(
@@ -163,7 +165,7 @@ def verify(
         dynamic_ncols=True,
     ) as bar:
         for path, played in spread(over, _play, pieces):
-            result = replays[path].verifiable.result
+            result = replays[path].result
             bar.set_description_str(result.policy.label)
             bar.update()
             if isinstance(played, ResultError):
@@ -264,9 +266,8 @@ def _examine_folder(
         examined.results[path] = _Verifiable(result, player)
 
 
-def _places(verifiable: _Verifiable, draw: Draw | None) -> list[int]:
-    """Return the places of the seeds to play: all, or those of a draw."""
-    result, player = verifiable
+def _places(result: Result, player: PolicySpec | Path, draw: Draw | None) -> list[int]:
+    """Return the places of the seeds to play among those of a result: all, or those of a draw."""
     if draw is None:
         return list(range(len(result.task.seeds)))
     is_bound = isinstance(player, PolicySpec) and player.compute is not None
@@ -275,14 +276,13 @@ def _places(verifiable: _Verifiable, draw: Draw | None) -> list[int]:
 
 def _play(replay: _Replay) -> Attempt:
     """Play some seeds of a result again."""
-    (result, player), places = replay
+    result, player, places = replay
     task = result.task
     try:
         if isinstance(player, Path):
             (player,) = agents([player], task, forgets=result.policy.forgets)
     except ResultError as error:
         return error
-    assert player is not None
     return attempt(Piece(player, task.scenario, [task.seeds[place] for place in places]))
 
 

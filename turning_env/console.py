@@ -45,13 +45,13 @@ def printable(text: str) -> str:
     A terminal obeys control characters, and a line break may forge a line of output. Texts that
     come from a file or from a stranger pass through here before they are shown.
     """
-    return "".join(
-        character if character.isprintable() else _escape(character) for character in text
-    )
-
-
-def _escape(character: str) -> str:
-    return character.encode("unicode_escape").decode("ascii")
+    shown = ""
+    for character in text:
+        if character.isprintable():
+            shown += character
+        else:
+            shown += character.encode("unicode_escape").decode("ascii")
+    return shown
 
 
 class Parser(argparse.ArgumentParser):

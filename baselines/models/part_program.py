@@ -98,17 +98,13 @@ def on_program(controller: Callable[..., Policy]) -> Callable[..., Policy]:
     return build
 
 
-def _always(scenario: Scenario) -> bool:
-    return True
-
-
 def override_rules(
     name: str,
     description: str,
     controller: Callable[..., Policy],
     parameters: Mapping[str, float | Range],
     with_speed: Mapping[str, float | Range],
-    plays: Callable[[Scenario], bool] = _always,
+    plays: Callable[[Scenario], bool] = lambda scenario: True,
     *,
     changes_edges: bool = False,
     worth_tuning: bool = False,

@@ -62,15 +62,11 @@ def covers(scenario: Scenario) -> bool:
     return all(conditions)
 
 
-def _no_report() -> None:
-    """Report nothing."""
-
-
 def bounds(
     scenario: Scenario,
     seeds: Sequence[int],
     grid: Grid = GRID,
-    on_seed: Callable[[], None] = _no_report,
+    on_seed: Callable[[], None] = lambda: None,
     threads: int = 2,
 ) -> Array:
     """Return the bound [s] of each seed's first episode.
