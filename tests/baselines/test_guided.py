@@ -49,8 +49,8 @@ def test_decisions_limit_the_speed_and_the_used_life():
     speeds = []
     lives = []
     for guide in (Constant(-1.0, -1.0), Constant(0.2, 0.0)):
-        env, observations = environments(7)
-        models = nominal_models(7)
+        env, observations = environments(10)
+        models = nominal_models(10)
         policy = GuidedPolicy(guide, models)
         fastest = 0.0
         longest = 0.0
