@@ -7,7 +7,6 @@ import numpy as np
 from turning_control.core import Commands, Controller, Status, highest_feed, on_control
 from turning_control.plant import Plant
 from turning_control.readings import Readings, force_reading
-from turning_env.scoring.policy import Actions, Observations, Policy
 
 from turning_env.physics.drives import lag_share
 from turning_env.physics.quantities import action_size
