@@ -9,8 +9,9 @@ from turning_env.physics.records import parameter_records
 FURTHER_LIMITS = ("radial_force", "torque", "roughness")
 
 READ_ELSEWHERE = {
-    # Read when a program or a shop is advised: prices of money, the bound of an advised feed, and
-    # what bends.
+    # Read when a program or a shop is advised: losses of the spindle's drive, prices of money, the
+    # bound of an advised feed, and what bends.
+    "spindle.efficiency",
     "economics.machine_rate",
     "economics.operator_rate",
     "economics.insert_price",
