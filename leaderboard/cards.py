@@ -14,12 +14,11 @@ from baselines.policy_spec import PolicySpec
 from leaderboard import columns, table
 from leaderboard.agents import agent_file
 from leaderboard.agents.agent_file import ONNX_SUFFIX, AgentFile, Space, family_of
-from leaderboard.information import CLASSES, RUN_TIME_INPUTS
+from leaderboard.inputs import CLASSES, RUN_TIME_INPUTS, TRAINING_INPUTS, Inputs
 from leaderboard.policies import SUMS
 from leaderboard.ranking import Leaderboard, read_leaderboard
 from leaderboard.result import ResultError, result_files, result_folder, write_whole
 from leaderboard.shown import MAX_VALUES, fenced, few, markdown_text
-from leaderboard.training_information import TRAINING_INPUTS
 from turning_env import FAMILY_ID, SPLITS
 
 COLUMNS = (
@@ -111,7 +110,7 @@ def render(
     name = leaderboard.names[metadata.label]
     (standing,) = (standing for standing in leaderboard.standings if standing.name == name)
     steps = "environment steps"
-    if metadata.parameters.get("guide"):
+    if Inputs.of(metadata.parameters).guides:
         steps = f"decisions, each of {HOLD} environment steps,"
     elsewhere = {}
     if across is not None and across.tuned_for == metadata.scenario.name:

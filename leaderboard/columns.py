@@ -7,10 +7,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from leaderboard.information import RUN_TIME_INPUTS
+from leaderboard.inputs import RUN_TIME_INPUTS, TRAINING_INPUTS
 from leaderboard.standings import LARGEST, Standing, ranked_by
 from leaderboard.statistics import Estimate
-from leaderboard.training_information import TRAINING_INPUTS
 from turning_env import Scenario
 
 
@@ -77,10 +76,10 @@ class TrainingInput(Column):
 
     def value(self, standing: Standing) -> float | None:
         """Return 1 or 0; None if the policy is no agent or its file does not state it."""
-        information = standing.information
-        if information is None or information.given is None or information.seen is None:
+        inputs = standing.inputs
+        if inputs is None or inputs.training is None:
             return None
-        return float(self.field in information.given or self.field in information.seen)
+        return float(self.field in inputs.training or self.field in inputs.run_time)
 
     def cell(self, standing: Standing) -> Cell:
         """Return "yes" or "no"; nothing if that is unknown."""
@@ -96,8 +95,7 @@ class TrainingSteps(Column):
 
     def value(self, standing: Standing) -> float | None:
         """Return the number; None if the policy is no agent or its file does not state it."""
-        information = standing.information
-        return None if information is None else information.steps
+        return None if standing.inputs is None else standing.inputs.steps
 
     def cell(self, standing: Standing) -> Cell:
         """Return the number with commas; nothing if it is unknown."""

@@ -16,7 +16,7 @@ from baselines.catalogue import RULES
 from baselines.comparators import CAUSAL, comparators
 from baselines.policy_spec import PolicySpec
 from leaderboard.agents.agent_file import description_of_training
-from leaderboard.information import Information, class_of, information
+from leaderboard.inputs import Inputs, class_of
 from leaderboard.policies import is_external
 from leaderboard.result import ExcessShares, Result
 from leaderboard.statistics import (
@@ -49,8 +49,8 @@ class Standing:
 
     name: str
     kind: str
-    policy_class: str  # one of leaderboard.information.CLASSES
-    information: Information | None  # of an agent
+    policy_class: str  # one of leaderboard.inputs.CLASSES
+    inputs: Inputs | None  # of an agent
     description: str
     own: bool  # an agent or code that does not come with the project; ``show --json`` has the name
     training_seeds: tuple[int, ...]
@@ -356,6 +356,9 @@ class _Comparison:
     def _common_numbers(self, played: _Played) -> Standing:
         """Return a standing with the numbers of all tasks."""
         policy = played.policy
+        inputs = None
+        if policy.kind == "agent":
+            inputs = Inputs.of(policy.parameters).on(policy.trained_on or self.scenario)
         seeds = sorted(result.policy.training_seed or 0 for result in played.results)
         best_rule = self._best_other_rule(played.name)
         excess = played.excess_shares()
@@ -367,7 +370,7 @@ class _Comparison:
             name=played.name,
             kind=policy.kind,
             policy_class=class_of(policy),
-            information=information(policy, policy.trained_on or self.scenario),
+            inputs=inputs,
             description=_description(policy),
             own=is_external(policy),
             training_seeds=tuple(seeds) if policy.kind == "agent" else (),

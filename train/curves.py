@@ -29,6 +29,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from baselines.guided import HOLD
 from baselines.policy_spec import ScenarioId
+from leaderboard.inputs import Inputs
 from leaderboard.statistics import CONFIDENCE, KEY, RESAMPLES
 from train.run import Run
 from turning_env.console import Parser, described, exits
@@ -64,7 +65,7 @@ class Training(BaseModel):
         if not rows:
             raise ValueError(f"no episode has ended yet in the training in {run.folder}")
         # A guide's training counts decisions, each of which holds for several environment steps.
-        steps_per_row = HOLD if run.parameters.get("guide") is True else 1
+        steps_per_row = HOLD if Inputs.of(run.parameters).guides else 1
         steps = [row["steps"] * steps_per_row for row in rows]
         mean_returns = [row["mean_return"] for row in rows]
         grid = np.linspace(steps[0], steps[-1], POINTS)

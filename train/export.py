@@ -44,6 +44,7 @@ from leaderboard.agents.agent_file import (
 )
 from leaderboard.agents.network import session_after_trial
 from leaderboard.agents.onnx_session import OnnxPolicy
+from leaderboard.inputs import Inputs
 from leaderboard.seeds import tuning_seeds
 from train.actor import Actor, ActorPolicy
 from train.run import ALGORITHMS, Run, trained_on
@@ -282,12 +283,12 @@ def _environments(metadata: Metadata) -> Any:
 
     Return None for a guide, which is compared on features alone.
     """
-    if metadata.parameters.get("guide") is True:
+    inputs = Inputs.of(metadata.parameters)
+    if inputs.guides:
         return None
     source = family_of(metadata.env_id, metadata.parameters) or metadata.scenario
     env = vector_env(source, NUM_ENVS, AutoresetMode.SAME_STEP)
-    has_belief = metadata.parameters.get("belief") is True
-    return VectorBeliefObservation(env) if has_belief else env
+    return VectorBeliefObservation(env) if inputs.belief else env
 
 
 def largest_differences(

@@ -21,6 +21,7 @@ from typing import Any, Self
 
 from baselines.belief import VectorBeliefObservation
 from leaderboard.agents.agent_file import seen_space
+from leaderboard.inputs import Inputs
 from train.actor import Actor
 from train.agent_inputs import AgentInputs, AgentInputsWrapper, HiddenStateWrapper, WithInputs
 from train.life_price import LIFE_PRICES, LifePriceVecEnv
@@ -29,15 +30,6 @@ from turning_env import Scenario
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 
 MAX_FRAMES = 100
-TERMS = {
-    "belief": False,
-    "position": False,
-    "frames": 1,
-    "life_price": "flat",
-    "hides_context": False,
-    "asymmetric": False,
-}
-"""Values of the hyperparameters in a training that does not name them."""
 
 
 @dataclass(frozen=True)
@@ -47,13 +39,8 @@ class Terms:
     scenario: Scenario
     entries: int
     """Number of entries of an observation, with those of a nominal model and of a belief."""
-    context: int
-    """Number of entries that show a family's nominal model; 0 if there is no family."""
-    belief: bool
-    position: bool
-    frames: int
+    inputs: Inputs
     life_price: str
-    hides_context: bool
     asymmetric: bool
 
     def __post_init__(self) -> None:
@@ -62,27 +49,36 @@ class Terms:
                 f"life_price is {self.life_price!r}, but must be one of {', '.join(LIFE_PRICES)}"
             )
         # Tracker and prices are of one geometry and one set of laws, and each job has its own.
-        if self.context and (self.position or self.life_price != "flat"):
+        inputs = self.inputs
+        if inputs.context_entries and (inputs.position or self.life_price != "flat"):
             raise ValueError(
                 "position and life_price other than flat are computed for one scenario, "
                 "not for a family's jobs"
             )
-        if self.hides_context and not self.context:
+        if inputs.hides_context and not inputs.context_entries:
             raise ValueError(
                 "hides_context hides the numbers of a family's nominal models, but "
                 f"{self.scenario.name} is no family"
             )
-        if not 1 <= self.frames <= MAX_FRAMES:
-            raise ValueError(f"frames is {self.frames}, but must be 1 to {MAX_FRAMES}")
 
     @classmethod
     def of(cls, run: Run) -> Self:
-        """Return the terms of a run."""
+        """Return the terms of a run; an algorithm need not have all among its hyperparameters.
+
+        Raises:
+            ValueError: a term is not one of its values, or does not go with the environment.
+        """
+        frames = run.parameters.get("frames", 1)
+        if not 1 <= frames <= MAX_FRAMES:
+            raise ValueError(f"frames is {frames}, but must be 1 to {MAX_FRAMES}")
         (entries,) = seen_space(run.env_id, run.scenario, run.parameters).shape
-        context = len(run.parameters["context"]["names"]) if run.family else 0
-        # An algorithm need not have all terms among its hyperparameters.
-        values = {name: run.parameters.get(name, default) for name, default in TERMS.items()}
-        return cls(run.scenario, entries, context, **values)
+        return cls(
+            scenario=run.scenario,
+            entries=entries,
+            inputs=Inputs.of(run.parameters),
+            life_price=run.parameters.get("life_price", "flat"),
+            asymmetric=run.parameters.get("asymmetric", False),
+        )
 
     def with_life_price(
         self, vec_env: Callable[..., RoughTurningVecEnv]
@@ -97,16 +93,17 @@ class Terms:
         return partial(LifePriceVecEnv, self.life_price)
 
     @property
-    def _inputs(self) -> AgentInputs | None:
-        """The inputs of the agent; None: plain observations."""
-        hidden = self.context if self.hides_context else 0
-        if not self.position and self.frames == 1 and not hidden:
+    def _agent_inputs(self) -> AgentInputs | None:
+        """What makes the agent's inputs of observations; None: it sees plain observations."""
+        inputs = self.inputs
+        hidden = inputs.context_entries if inputs.hides_context else 0
+        if not inputs.position and inputs.frames == 1 and not hidden:
             return None
         return AgentInputs(
             self.scenario,
             self.entries,
-            position=self.position,
-            frames=self.frames,
+            position=inputs.position,
+            frames=inputs.frames,
             hidden=hidden,
         )
 
@@ -117,9 +114,9 @@ class Terms:
         """
         # The belief is made of whole observations, so it comes first; the hidden state is not the
         # agent's, so it comes last.
-        if self.belief:
+        if self.inputs.belief:
             envs = VectorBeliefObservation(envs)
-        inputs = self._inputs
+        inputs = self._agent_inputs
         if inputs is not None:
             envs = AgentInputsWrapper(envs, inputs)
         if self.asymmetric:
@@ -128,5 +125,5 @@ class Terms:
 
     def actor(self, actor: Actor) -> Actor:
         """Return the actor on observations for one on the inputs of ``wrapped``."""
-        inputs = self._inputs
+        inputs = self._agent_inputs
         return actor if inputs is None else WithInputs(actor, inputs)

@@ -30,10 +30,10 @@ from tqdm import tqdm
 
 from baselines.policy_spec import PolicySpec
 from leaderboard.agents.agent_file import informed, trained_policy
+from leaderboard.inputs import training_inputs
 from leaderboard.play import Episodes, play, play_family
 from leaderboard.seeds import HELD_OUT_START, TUNING_START, tuning_seeds
 from leaderboard.statistics import Estimate
-from leaderboard.training_information import with_terms
 from train.actor import Actor, ActorPolicy
 from train.run import (
     ALGORITHMS,
@@ -379,7 +379,7 @@ def stating_information(run: Run) -> Run:
     Its agent's file states the same.
     """
     declared = algorithm_of(run.algorithm).training_information
-    inputs = list(with_terms(declared, run.parameters))
+    inputs = list(training_inputs(declared, run.parameters))
     return replace(run, parameters=run.parameters | {"training_information": inputs})
 
 

@@ -28,6 +28,7 @@ from baselines.policy_spec import Parameters, PolicySpec, ScenarioId, Text
 from leaderboard.agents import network
 from leaderboard.agents.network import MAX_BYTES, MAX_MEMORY
 from leaderboard.agents.sandbox_child import Outline
+from leaderboard.inputs import Inputs
 from turning_env import ALL_IDS, FAMILY_ID, Family, Scenario
 from turning_env.batch.driver import action_space, observation_space
 from turning_env.files import read_regular
@@ -157,16 +158,17 @@ def seen_space(env_id: str, scenario: Scenario, parameters: Mapping[str, Any]) -
         raise ValueError(
             f"parameters must have context.names, as env_id is {FAMILY_ID!r}"
         ) from error
-    if parameters.get("guide") is True:
+    inputs = Inputs.of(parameters)
+    if inputs.guides:
         return feature_space(context)
     space: Any = observation_space(scenario, context)
-    box: Box = with_belief(space) if parameters.get("belief") is True else space
+    box: Box = with_belief(space) if inputs.belief else space
     return box
 
 
 def acting_space(scenario: Scenario, parameters: Mapping[str, Any]) -> Box:
     """Return the space of an agent's actions: the environment's, or of a guide's decisions."""
-    if parameters.get("guide") is True:
+    if Inputs.of(parameters).guides:
         return decision_space()
     space: Any = action_space(scenario)
     box: Box = space
@@ -190,15 +192,14 @@ def informed(
             nominal models: the values of ``Family.shown`` of its training. The function raises
             ValueError if one is missing, or has another name.
     """
-    guides = agent.parameters.get("guide") is True
-    has_belief = agent.parameters.get("belief") is True
-    if not guides and not has_belief:
+    inputs = Inputs.of(agent.parameters)
+    if not inputs.guides and not inputs.belief:
         return agent.make
 
     def make(num_envs: int) -> Policy:
         played = [scenarios] * num_envs if isinstance(scenarios, Scenario) else scenarios
         models = [scenario.nominal() for scenario in played]
-        if guides:
+        if inputs.guides:
             context = None if shown is None else _context(agent, played, shown)
             return GuidedPolicy(agent.make(num_envs), models, context)
         learns_laws = agent.trained_on is not None and bool(agent.trained_on.nominal_model)
@@ -222,7 +223,7 @@ def description_of_training(parameters: Mapping[str, Any], steps: Any, scenario:
     It states the length in environment steps, and the jobs of a family, or the scenario. A
     stranger's file may hold anything as these.
     """
-    counts_decisions = type(steps) is int and parameters.get("guide") is True
+    counts_decisions = type(steps) is int and Inputs.of(parameters).guides
     count = steps * HOLD if counts_decisions else steps
     length = "an unstated length"
     if type(count) is int and 0 <= count <= HOLD * MAX_NUMBER:

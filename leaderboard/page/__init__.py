@@ -23,7 +23,7 @@ from baselines.policy_spec import PolicySpec
 from leaderboard import columns, table
 from leaderboard.agents.agent_file import ONNX_SUFFIX
 from leaderboard.columns import Cell
-from leaderboard.information import CLASSES
+from leaderboard.inputs import CLASSES
 from leaderboard.page.charts import chart_data
 from leaderboard.ranking import Leaderboard
 from leaderboard.scoring import SPLIT

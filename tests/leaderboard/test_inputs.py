@@ -9,9 +9,18 @@ from baselines.guided import HOLD
 from baselines.policy_spec import PolicySpec
 from leaderboard.agents import agent_file
 from leaderboard.agents.agent_file import AgentFile
-from leaderboard.information import Information, class_of, information
+from leaderboard.inputs import (
+    IMITATION,
+    MODEL_FREE,
+    TRAINING_INPUTS,
+    Inputs,
+    class_of,
+    training_inputs,
+)
 from leaderboard.policies import AGENTS
 from tests.leaderboard.conftest import spec
+from tests.train.small import ALGORITHMS
+from tests.turning_env.playing import changed
 from train.agent_inputs import DistanceTracker
 from turning_env import Scenario
 
@@ -25,12 +34,6 @@ def agent(inputs: Sequence[str], **parameters: object) -> PolicySpec:
     """Return an agent whose file states these inputs of its training."""
     stated = {"training_information": list(inputs)}
     return spec("mine", seed=0, parameters=stated | parameters)
-
-
-def information_of(policy: PolicySpec, scenario: Scenario = SCENARIO) -> Information:
-    stated = information(policy, scenario)
-    assert stated is not None
-    return stated
 
 
 SHIPPED = sorted(AGENTS.glob("*/*/*-seed0.onnx"))
@@ -49,12 +52,10 @@ def test_agents_ship() -> None:
 def test_shipped_agents_have_the_memory_that_the_table_states(shipped: AgentFile) -> None:
     metadata = shipped.metadata
     parameters = metadata.parameters
-    shipped_agent = spec("shipped", seed=0, parameters=parameters)
-    stated = information_of(shipped_agent, metadata.scenario)
-    assert stated.seen is not None
+    stated = Inputs.of(parameters)
     if "cells" in parameters:
         expected = parameters["cells"]
-        if "position" in stated.seen:
+        if stated.position:
             expected += DistanceTracker.STATES
     else:
         num_entries = len(metadata.observation_space.low)
@@ -62,35 +63,94 @@ def test_shipped_agents_have_the_memory_that_the_table_states(shipped: AgentFile
         # A recurrent network has two states per cell.
         expected = 2 * parameters.get("lstm_hidden_size", 0) + earlier_frames * num_entries
     assert shipped.memory_size == expected
-    assert ("memory" in stated.seen) == (shipped.memory_size > 0)
+    assert ("memory" in stated.run_time) == (shipped.memory_size > 0)
 
 
 def test_shipped_agents_were_trained_for_the_stated_environment_steps(shipped: AgentFile) -> None:
     metadata = shipped.metadata
-    shipped_agent = spec("shipped", seed=0, parameters=metadata.parameters)
-    stated = information_of(shipped_agent, metadata.scenario)
+    stated = Inputs.of(metadata.parameters)
     steps = metadata.trained_steps
     if metadata.parameters.get("guide"):
         steps *= HOLD  # a guide's training counts decisions
     assert stated.steps == steps
 
 
-def test_what_is_not_stated_is_not_guessed() -> None:
-    policy = spec("mine", seed=0, command="python -m train.ppo --seed 0")
+def test_shipped_agents_keep_their_inputs(shipped: AgentFile) -> None:
+    given = Inputs.of(shipped.metadata.parameters).training
+    assert given is not None
+    is_privileged = not set(given) <= MODEL_FREE | IMITATION
+    assert (shipped.metadata.algorithm == "analytic_gradient") == is_privileged
+
+
+@pytest.mark.parametrize("name", ALGORITHMS)
+def test_algorithms_declare_known_inputs(name: str) -> None:
+    declared = ALGORITHMS[name].training_information
+    assert declared
+    assert set(declared) <= set(TRAINING_INPUTS)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "expected"),
+    [
+        ({}, {"rewards"}),
+        ({"life_price": "flat"}, {"rewards"}),
+        ({"life_price": "end"}, {"rewards"}),
+        ({"life_price": "marginal"}, {"rewards", "life price", "spreads"}),
+        ({"asymmetric": True}, {"rewards", "true states"}),
+        ({"asymmetric": False}, {"rewards"}),
+    ],
+)
+def test_terms_of_a_training_change_its_inputs(
+    parameters: dict[str, object], expected: set[str]
+) -> None:
+    assert set(training_inputs(["rewards"], parameters)) == expected
+
+
+def test_a_flat_life_price_takes_the_dynamic_programme_from_a_teacher() -> None:
+    teacher = {*GRADIENTS, *LIFE_PRICE}
+    assert set(training_inputs(teacher, {"life_price": "flat"})) == set(GRADIENTS)
+
+
+@pytest.mark.parametrize(
+    "parameters",
+    [
+        {},
+        {"training_information": "rewards"},
+        {"training_information": ["wishes"]},
+        {"training_information": [1]},
+        {"training_information": {}},
+    ],
+)
+def test_what_is_not_stated_is_not_guessed(parameters: dict[str, object]) -> None:
+    assert Inputs.of(parameters).training is None
+    policy = spec("mine", seed=0, parameters=parameters, command="python -m train.ppo --seed 0")
     assert class_of(policy) == "other agent"
-    assert information_of(policy) == Information(given=None, seen=None, steps=None)
 
 
 def test_a_plain_training_has_no_inputs_but_rewards() -> None:
-    stated = information_of(agent(REWARDS, position=False, frames=1))
-    assert stated.given == REWARDS
-    assert stated.seen == ()
+    stated = Inputs.of(agent(REWARDS, position=False, frames=1).parameters)
+    assert stated.training == REWARDS
+    assert stated.run_time == ()
 
 
 def test_inputs_have_the_order_of_tables() -> None:
-    stated = information_of(agent([*LIFE_PRICE, *REWARDS], position=True, frames=4))
-    assert stated.given == (*REWARDS, *LIFE_PRICE)
-    assert stated.seen == ("memory", "position")
+    stated = Inputs.of(agent([*LIFE_PRICE, *REWARDS], position=True, frames=4).parameters)
+    assert stated.training == (*REWARDS, *LIFE_PRICE)
+    assert stated.run_time == ("memory", "position")
+
+
+def test_numbers_of_a_job_are_seen_unless_they_are_hidden() -> None:
+    context = {"names": ["life", "removal_rate"]}
+    assert Inputs.of({"context": context}).run_time == ("context",)
+    assert Inputs.of({"context": context, "hides_context": True}).run_time == ()
+
+
+def test_a_price_of_life_does_not_count_where_the_job_ends_before_the_edge() -> None:
+    stated = Inputs.of(agent([*REWARDS, *LIFE_PRICE]).parameters)
+    ends_with_edge = changed(SCENARIO, workpiece={"bars": 0}, control={"edge_changes": "end"})
+    ends_with_job = changed(SCENARIO, workpiece={"bars": 3}, control={"edge_changes": "end"})
+    assert stated.on(ends_with_edge).training == (*REWARDS, *LIFE_PRICE)
+    assert stated.on(ends_with_job).training == REWARDS
 
 
 @pytest.mark.parametrize(
@@ -114,9 +174,9 @@ def test_the_class_follows_from_the_inputs_of_training(policy: PolicySpec, expec
 
 def test_a_guide_counts_environment_steps() -> None:
     guide = agent(REWARDS, guide=True, total_timesteps=1_500_000)
-    assert information_of(guide).steps == 45_000_000
+    assert Inputs.of(guide.parameters).steps == 45_000_000
 
 
 @pytest.mark.parametrize("steps", [-1, 10**400, 1.5, "many", True])
 def test_a_number_of_steps_that_no_training_has_is_not_stated(steps: object) -> None:
-    assert information_of(agent(REWARDS, total_timesteps=steps)).steps is None
+    assert Inputs.of(agent(REWARDS, total_timesteps=steps).parameters).steps is None
