@@ -128,6 +128,8 @@ class MeasuredRange(NamedTuple):
     """The range of a factor in which all laws were measured."""
 
     factor: str
+    low: float
+    high: float
     unit: str  # of the factor; empty for a ratio
     text: str  # the range for people
     outside: NDArray[np.bool_]  # whether values lie outside
@@ -152,7 +154,7 @@ def outside(evidence: Evidence, values: Mapping[str, Values]) -> Iterator[Measur
         is_outside = _beyond(values[name], low, high)
         unit = column.unit.replace("-", "")
         text = f"{ends} {unit}".rstrip()
-        yield MeasuredRange(name, unit, text=text, outside=is_outside)
+        yield MeasuredRange(name, low, high, unit=unit, text=text, outside=is_outside)
 
 
 def _beyond(values: Values, low: float, high: float) -> NDArray[np.bool_]:

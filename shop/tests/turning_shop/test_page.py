@@ -1,17 +1,21 @@
-"""The page of ``advise --page`` in a browser.
+"""The page of ``advise --page``: its numbers are Python's, it asks for nothing, it fits phones.
 
-Its numbers are Python's, it asks for nothing, and it fits phones.
+Tests of the data that are put into the page need no browser.
 """
 
-from collections.abc import Callable
+import math
+from base64 import b64decode
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 from turning_shop.__main__ import main
 from turning_shop.advise import advise, plan
-from turning_shop.page import render
+from turning_shop.page import page_data, render
+from turning_shop.prediction import longest_life
 from turning_shop.provenance import load
 from turning_shop.units import INCH
 from turning_shop.whatif import what_if
@@ -19,8 +23,6 @@ from turning_shop.whatif import what_if
 from shop.tests.turning_shop.sheets import forces
 from tests.walking import ROOT
 from turning_env import Scenario
-
-pytestmark = pytest.mark.slow
 
 Show = Callable[..., Page]
 MACHINE = """
@@ -37,35 +39,12 @@ machine_rate = 60.0
 operator_rate = 25.0
 insert_price = 12.0
 """
-SETTINGS: dict[str, dict[str, float]] = {
-    "slow": {
-        "cutting_speed": 61.3,
-        "feed": 0.55,
-        "wear": 0.11,
-        "hardness": 1.22,
-        "edges_per_insert": 8,
-    },
-    "fast": {
-        "cutting_speed": 187.0,
-        "feed": 0.2,
-        "depth_of_cut": 1.3,
-        "machine_rate": 95.5,
-        "edge_change_time": 0.7,
-    },
-    "deep": {
-        "cutting_speed": 90.0,
-        "depth_of_cut": 4.7,
-        "hardness": 0.8,
-        "wear": 0.3,
-        "operator_rate": 0,
-        "insert_price": 21,
-    },
-}
+# Steps of the sliders: cutting speed, feed, depth of cut, wear and hardness.
+SLIDERS = ("cutting_speed", "feed", "depth_of_cut", "wear", "hardness")
+STEPS = {"low": (0, 0, 0, 0, 0), "mixed": (3, 5, 1, 2, 2), "high": (-1, -1, -1, -1, -1)}
 CUT_VALUES = (
     "thrust_force",
-    "thrust_force_share",
     "power",
-    "power_share",
     "tool_life",
     "removal_rate",
     "spindle_speed",
@@ -116,30 +95,25 @@ def show(opened: Callable[..., Page], tmp_path: Path) -> Show:
 
 
 class Results(NamedTuple):
-    """The numbers that belong to settings."""
+    """The numbers that belong to the steps of the sliders."""
 
     values: dict[str, float]
     intervals: dict[str, tuple[float, float]]
     extrapolated: bool
 
 
-def of_python(scenario: Scenario, settings: dict[str, float]) -> Results:
-    """Return the results of settings of the page, by Python."""
+def of_python(scenario: Scenario, data: dict[str, Any], steps: Sequence[int]) -> Results:
+    """Return the results at steps of the page, by a plan of Python."""
     _, evidence = load(scenario.file or "rough_turning")
+    at = {}
+    for axis, step in zip(data["axes"], steps, strict=True):
+        at[axis["name"]] = axis["values"][step]
     values = scenario.model_dump()
-    for name in values["economics"]:
-        if name in settings:
-            values["economics"][name] = settings[name]
-    values["workpiece"]["depth_of_cut"] = settings["depth_of_cut"]
-    planned = plan(
-        Scenario.model_validate(values),
-        evidence,
-        cutting_speed=settings["cutting_speed"],
-        feed=settings["feed"],
-        wear=settings["wear"],
-        hardness=settings["hardness"],
-    )
+    values["workpiece"]["depth_of_cut"] = at.pop("depth_of_cut")
+    planned = plan(Scenario.model_validate(values), evidence, **at)
     numbers = {name: float(getattr(planned.cuts, name)) for name in CUT_VALUES}
+    if numbers["tool_life"] > longest_life(evidence):
+        numbers["tool_life"] = math.inf  # not limited by wear
     for name in PLAN_VALUES:
         numbers[name] = float(getattr(planned, name))
     prediction = planned.prediction
@@ -149,51 +123,98 @@ def of_python(scenario: Scenario, settings: dict[str, float]) -> Results:
     return Results(numbers, intervals, extrapolated=bool(prediction.extrapolated))
 
 
-@pytest.mark.parametrize("name", SETTINGS)
-def test_the_numbers_are_those_of_python(name: str, scenario: Scenario, show: Show) -> None:
-    compare_with_python(name, scenario, show(scenario))
+def of_page(data: dict[str, Any], steps: Sequence[int]) -> Results:
+    """Return the results at steps of the page, looked up in the data that are put into it."""
+    table = data["table"]
+
+    def look(name: str) -> float:
+        shape = table[name]["shape"]
+        numbers = np.frombuffer(b64decode(table[name]["numbers"]), "<f4").reshape(shape)
+        index = tuple(0 if length == 1 else step for length, step in zip(shape, steps, strict=True))
+        return float(numbers[index])
+
+    values = {name: look(name) for name in (*CUT_VALUES, *PLAN_VALUES)}
+    intervals = {"cost": (look("cost_low"), look("cost_high"))}
+    for name in ("thrust_force", "power", "tool_life"):
+        factor = look(f"{name}_factor")
+        intervals[name] = (values[name] / factor, values[name] * factor)
+    return Results(values, intervals, extrapolated=bool(look("extrapolated")))
 
 
-def test_laws_with_a_fresh_edges_share_are_those_of_python(growing: Scenario, show: Show) -> None:
-    compare_with_python("slow", growing, show(growing))
+@pytest.fixture(scope="module")
+def data(scenario: Scenario) -> dict[str, Any]:
+    """Return the data that are put into the scenario's page."""
+    _, evidence = load(scenario.file or "")
+    return page_data(scenario, evidence, advise(scenario, evidence))
 
 
-def compare_with_python(name: str, scenario: Scenario, page: Page) -> None:
-    """Set the sliders of a page, and compare its numbers with those of Python."""
-    for setting, value in SETTINGS[name].items():
-        page.locator(f"#{setting}").fill(str(value))
-    settings = page.evaluate("settings")
-    results = page.evaluate("results(settings)")
-    expected = of_python(scenario, settings)
-    assert settings.items() >= SETTINGS[name].items()
-    values = {value: results["values"][value] for value in expected.values}
-    assert values == pytest.approx(expected.values, rel=1e-6)
-    assert set(results["intervals"]) == set(expected.intervals)
-    for value, ends in expected.intervals.items():
-        assert results["intervals"][value] == pytest.approx(ends, rel=1e-6), value
-    assert results["extrapolated"] == expected.extrapolated
+@pytest.mark.parametrize("steps", STEPS.values(), ids=STEPS)
+def test_the_table_is_that_of_python(
+    steps: tuple[int, ...], scenario: Scenario, data: dict[str, Any]
+) -> None:
+    compare(of_page(data, steps), of_python(scenario, data, steps))
+
+
+@pytest.mark.slow
+def test_the_table_of_laws_with_a_fresh_edges_share_is_that_of_python(growing: Scenario) -> None:
+    _, evidence = load(growing.file or "")
+    data = page_data(growing, evidence, advise(growing, evidence))
+    steps = STEPS["mixed"]
+    compare(of_page(data, steps), of_python(growing, data, steps))
+
+
+def compare(found: Results, expected: Results) -> None:
+    """Compare two results; the page holds numbers of 32 bits."""
+    assert found.values == pytest.approx(expected.values, rel=1e-6)
+    for name, ends in expected.intervals.items():
+        if math.isfinite(expected.values[name]):
+            assert found.intervals[name] == pytest.approx(ends, rel=1e-5), name
+    assert found.extrapolated == expected.extrapolated
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["low", "mixed"])
+def test_the_browser_shows_the_numbers_of_python(
+    name: str, scenario: Scenario, data: dict[str, Any], show: Show
+) -> None:
+    page = show(scenario)
+    steps = STEPS[name]
+    for slider, step in zip(SLIDERS, steps, strict=True):
+        page.locator(f"#{slider}").fill(str(step))
+    expected = of_python(scenario, data, steps)
+    for value, number in expected.values.items():
+        assert page.evaluate("name => look(name, at)", value) == pytest.approx(number, rel=1e-6)
+        if not math.isfinite(number):
+            continue
+        text = page.evaluate("shown", number) if value != "cost" else f"{number:.2f}"
+        expect(page.locator(f"[data-name={value}]")).to_contain_text(text)
     status = page.get_by_role("status").inner_text()
     assert status.endswith("not measured there") == expected.extrapolated
-    for value in ("thrust_force", "tool_life", "cost"):
-        shown = page.evaluate("name => shown(results(settings).values[name])", value)
-        expect(page.locator(f"[data-name={value}]")).to_contain_text(shown)
 
 
+@pytest.mark.slow
 def test_the_page_begins_with_the_cheapest_as_advised(scenario: Scenario, show: Show) -> None:
     page = show(scenario)
     advice = advise(*load(scenario.file or ""))
     cheapest = advice[0].plan
     most_metal = advice[-1].plan
-    assert page.evaluate("cheapest().cost") == pytest.approx(cheapest.cost, rel=1e-6)
-    cost = page.evaluate("results(settings).values.cost")
-    assert cost == pytest.approx(cheapest.cost, rel=1e-6)
+    assert page.evaluate("look('cost', at)") == pytest.approx(cheapest.cost, rel=1e-6)
     page.get_by_role("button", name="most metal").click()
-    minutes = page.evaluate("results(settings).values.minutes")
-    assert minutes == pytest.approx(most_metal.minutes, rel=1e-6)
+    assert page.evaluate("look('minutes', at)") == pytest.approx(most_metal.minutes, rel=1e-6)
     page.get_by_role("button", name="choose it").click()
-    assert page.evaluate("settings.feed - cheapest().feed") == 0
+    assert page.evaluate("at[1] - cheapest()[1]") == 0
 
 
+def test_the_page_begins_at_a_cut_that_is_advised(data: dict[str, Any]) -> None:
+    first = data["advice"][0]["at"]
+    found = of_page(data, first)
+    for axis, step in zip(data["axes"], first, strict=True):
+        assert 0 <= step < len(axis["values"])
+    others = [of_page(data, entry["at"]).values["cost"] for entry in data["advice"]]
+    assert found.values["cost"] == min(others)
+
+
+@pytest.mark.slow
 def test_warnings_are_shown_and_texts_are_texts(scenario: Scenario, show: Show) -> None:
     page = show(scenario.model_copy(update={"name": "<i>plain</i>"}))
     _, evidence = load(scenario.file or "")
@@ -203,6 +224,7 @@ def test_warnings_are_shown_and_texts_are_texts(scenario: Scenario, show: Show) 
     expect(page.get_by_role("heading", level=1)).to_have_text("<i>plain</i>")
 
 
+@pytest.mark.slow
 def test_the_page_shows_inches(
     scenario: Scenario, opened: Callable[..., Page], tmp_path: Path
 ) -> None:
@@ -218,32 +240,22 @@ def test_the_page_shows_inches(
         "utf-8",
     )
     page = opened(path.as_uri(), 1280)
-    page.fill("#cutting_speed", "500")
-    page.fill("#feed", "0.012")
-    settings = {"cutting_speed": 500 * 0.3048, "feed": 0.012 * 25.4}
-    wear = float(page.input_value("#wear")) * 25.4
-    depth = float(page.input_value("#depth_of_cut")) * 25.4
-    expected = what_if(
-        scenario,
-        **settings,
-        depth_of_cut=depth,
-        wear=wear,
-    )
+    speed, feed, depth, wear, _ = page.evaluate("data.axes.map((axis, i) => axis.values[at[i]])")
+    expected = what_if(scenario, speed, feed, depth_of_cut=depth, wear=wear)
     thrust = page.text_content('[data-name="thrust_force"]') or ""
     assert float(thrust.split()[0]) == pytest.approx(expected.thrust_force / 4.448, rel=0.01)
     assert thrust.split()[1].startswith("lbf")
     expect(page.locator("#map")).to_contain_text("feed [IPR]")
 
 
+@pytest.mark.slow
 def test_without_prices_costs_are_minutes(show: Show) -> None:
     page = show(Scenario())
     expect(page.get_by_role("status")).to_contain_text("min a part")
     expect(page.locator(".warnings")).to_contain_text("not measured on your machine")
-    page.locator("#insert_price").fill("12")
-    expect(page.get_by_role("status")).to_contain_text("set an hourly rate")
-    expect(page.locator("[data-name=cost]")).to_have_count(0)
 
 
+@pytest.mark.slow
 def test_the_page_fits_phones(scenario: Scenario, show: Show) -> None:
     page = show(scenario, width=360)
     expect(page.locator("#map path")).not_to_have_count(0)
