@@ -8,8 +8,6 @@ CAUSAL = "causal"
 """The oracle on all tasks, which sees the true present state: it scores 100."""
 NOMINAL_OPTIMUM = "fixed_nominal_optimum"
 """The nominal model's best set point of each job of a family."""
-NOMINAL_CHANGE_WEAR = 0.95
-"""Nominal wear over the criterion at which it changes the edge [-] (assumption)."""
 NOMINAL_SHARE = "fixed_nominal_share"
 """A share of that speed and feed, tuned on training jobs to be feasible."""
 

@@ -41,6 +41,9 @@ def _of_moderate_size(parameters: dict[str, JsonValue]) -> dict[str, JsonValue]:
 
 Text = Annotated[str, Field(max_length=MAX_TEXT)]
 Digest = Annotated[str, Field(max_length=DIGEST_LENGTH)]
+Knowledge = Literal["nominal", "true_wear", "true_laws"]
+"""Model from which a family's policy is built: each job's nominal one, also with the true wear law,
+or with all that is true."""
 Parameters = Annotated[dict[str, JsonValue], AfterValidator(_of_moderate_size)]
 
 
@@ -76,9 +79,7 @@ class PolicySpec(BaseModel):
     description: Text = ""
     parameters: Parameters = Field(default_factory=dict)
     """A rule's settings, or hyperparameters of an agent's training."""
-    knows: Literal["nominal", "true_wear", "true_laws"] = "nominal"
-    """Model from which a family's policy is built: each job's nominal one, also with the true wear
-    law, or with all that is true."""
+    knows: Knowledge = "nominal"
     forgets: bool = False  # whether it forgets everything at each change of the edge
     training_seed: int | None = Field(default=None, ge=0, le=MAX_TRAINING_SEED)
     """Training seed of an agent. Agents of one name are one policy on a leaderboard."""

@@ -5,37 +5,29 @@ jobs belongs to ``turning_env.scenario.family``.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.catalogue import RULES, spec
-from baselines.comparators import (
-    CAUSAL,
-    NOMINAL_CHANGE_WEAR,
-    NOMINAL_OPTIMUM,
-    NOMINAL_SHARE,
-)
+from baselines.comparators import CAUSAL, NOMINAL_OPTIMUM, NOMINAL_SHARE
+from baselines.forgetful import Forgetful
 from baselines.models.schedule import FORMS
+from baselines.nominal_optimum import FixedNominalOptimum, feasible_shares
 from baselines.oracles import known_forms, perfect_state
-from baselines.policy_spec import PolicySpec, ScenarioId
+from baselines.oracles.truthful import Prefixes, Truthful
+from baselines.policy_spec import Knowledge, PolicySpec, ScenarioId
 from leaderboard.agents.agent_file import informed
 from leaderboard.play import EPISODE_FIELDS, Episodes, play, play_family
 from leaderboard.result import FamilySplit, ResultError, Task
 from turning_env import FAMILY_ID, Scenario
-from turning_env.action import towards
 from turning_env.env import RoughTurningEnv
 from turning_env.family_env import Context, FamilyEnv
-from turning_env.observation import read
-from turning_env.physics.quantities import OBS
-from turning_env.policy import Actions, Observations, Policy, PolicyFactory
-from turning_env.scenario.family import DrawnJobs, Family, Job, families
-from turning_env.scenario.plan import features, plan_of
-from turning_env.scenario.scenario_batch import ScenarioBatch
+from turning_env.policy import Policy, PolicyFactory
+from turning_env.scenario.family import Family, Job, families
 
 VARIED = ("rescaled_grid_search", "predictive", "self_tuning")
 """The policies that play if none are named, if they know more than usual or forget."""
@@ -44,30 +36,6 @@ POLICIES = (NOMINAL_OPTIMUM, NOMINAL_SHARE, *VARIED, CAUSAL)
 KNOWN_FORMS = "known_forms"
 """The oracle of the forms, on families that hide some (``baselines/oracles/known_forms.py``)."""
 BATCH = 64  # jobs that are played together
-
-
-class SetPointShares(NamedTuple):
-    """Shares of the nominal optimum's cutting speed and feed [-]."""
-
-    cutting_speed: float
-    feed: float
-
-
-WHOLE = SetPointShares(cutting_speed=1.0, feed=1.0)
-FEASIBLE_SHARES = {
-    "shop": SetPointShares(cutting_speed=0.92, feed=0.62),
-    "unmodelled": SetPointShares(cutting_speed=0.65, feed=0.6),
-}
-"""Shares with the highest mean return of those that are feasible on 128 training jobs.
-
-``python -m research.studies.family_fixed`` compares them.
-"""
-USUAL_SHARES = SetPointShares(cutting_speed=0.85, feed=0.62)  # on other families
-
-Knowledge = Literal["nominal", "true_wear", "true_laws"]
-"""Model from which controllers are built: see ``PolicySpec.knows``."""
-Prefixes = str | tuple[str, ...]
-"""Beginning of the dotted names of fields, or one of several beginnings."""
 
 _TRUE_FIELDS: dict[str, Prefixes] = {
     "true_wear": "material.wear.",
@@ -211,43 +179,6 @@ def agent(policy: PolicySpec, task: Task, forgets: bool = False) -> PolicySpec:
     return policy.model_copy(update={"forgets": forgets, "compute": plays})
 
 
-class Truthful(Family):
-    """A family whose nominal models are true in some fields; its jobs are otherwise the same."""
-
-    true_fields: Prefixes = ""  # beginnings of the dotted names of these fields
-
-    @classmethod
-    def of(cls, family: Family, true_fields: Prefixes = "") -> "Truthful":
-        """Return a family with nominal models that are true in the fields with these prefixes."""
-        return cls.model_validate(family.model_dump() | {"true_fields": true_fields})
-
-    def __reduce__(self) -> Any:
-        """Pickle the family without its jobs."""
-        return Truthful.model_validate, (self.model_dump(),)
-
-    def draw_numbers(self, split: str, numbers: NDArray[np.uint64]) -> DrawnJobs:
-        """Draw the family's jobs, then replace nominal values of ``true_fields`` by the true ones.
-
-        ``numbers`` are those of the jobs, shape (jobs,).
-        """
-        jobs = super().draw_numbers(split, numbers)
-        fields = dict(jobs.nominal_fields)
-        for name in fields:
-            if name.startswith(self.true_fields):
-                fields[name] = jobs.true_fields[name]
-        nominal = self.batch_of(fields, len(numbers))
-        plan = plan_of(nominal)
-        # The catalogue's numbers do not follow from a nominal model, so they stay.
-        shown = {name: jobs.features[name] for name in self.shown}
-        return replace(
-            jobs,
-            nominal=nominal,
-            plan=plan,
-            nominal_fields=fields,
-            features=features(nominal, plan) | shown,
-        )
-
-
 @dataclass(frozen=True)
 class FamilyPlay:
     """Plays episodes of a family: the ``compute`` of a ``PolicySpec``."""
@@ -375,54 +306,3 @@ def _after(played_before: int, on_step: Callable[[int], None]) -> Callable[[int]
         on_step(played_before + ended)
 
     return on_step_of_batch
-
-
-def feasible_shares(family: Family) -> SetPointShares:
-    """Return the shares of the nominal optimum that are feasible on a family."""
-    return FEASIBLE_SHARES.get(family.name, USUAL_SHARES)
-
-
-class FixedNominalOptimum(Policy):
-    """The nominal model's best set point of each job on a half-worn edge, or shares of it.
-
-    Edges are changed by nominal wear.
-    """
-
-    def __init__(self, jobs: Sequence[Job], shares: SetPointShares = WHOLE) -> None:
-        self._scenarios: Any = ScenarioBatch.of([job.scenario for job in jobs])
-        cutting_speeds = np.array([job.cutting_speed for job in jobs])
-        self._cutting_speeds = shares.cutting_speed * cutting_speeds
-        self._feeds = shares.feed * np.array([job.feed for job in jobs])
-
-    def act(self, observations: Observations) -> Actions:
-        """Return the actions, shape (num_envs, 3), for observations, shape (num_envs, entries)."""
-        reading = read(observations, self._scenarios)
-        change = reading.nominal_wear >= NOMINAL_CHANGE_WEAR * self._scenarios.tool.wear_criterion
-        return towards(
-            reading,
-            self._scenarios,
-            cutting_speed=self._cutting_speeds,
-            feed=self._feeds,
-            change_edge=change,
-        )
-
-
-class Forgetful(Policy):
-    """A policy that forgets everything at each change of the edge: lathe, material and position."""
-
-    def __init__(self, policy: Policy) -> None:
-        self._policy = policy
-        self._wear: Observations = np.zeros(0, np.float32)
-
-    def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Clear the memory of the environments in the mask, shape (num_envs,)."""
-        self._policy.reset(mask)
-
-    def act(self, observations: Observations) -> Actions:
-        """Return the policy's actions, shape (num_envs, 3)."""
-        wear = observations[:, OBS.nominal_wear]
-        # Nominal wear falls only when the edge is changed.
-        if self._wear.size:
-            self._policy.reset(wear < self._wear)
-        self._wear = wear.copy()
-        return self._policy.act(observations)

@@ -19,13 +19,12 @@ import numpy as np
 from baselines import catalogue, tuned
 from baselines.comparators import CAUSAL, NOMINAL_OPTIMUM, NOMINAL_SHARE
 from baselines.oracles import clairvoyant, perfect_blanks, perfect_load, perfect_state
-from baselines.policy_spec import PolicySpec, ScenarioId
+from baselines.policy_spec import Knowledge, PolicySpec, ScenarioId
 from leaderboard import family
 from leaderboard.adapt import as_factory
 from leaderboard.agents import network, onnx_policy
 from leaderboard.agents.agent_file import ONNX_SUFFIX, check_fits, informed
 from leaderboard.agents.onnx_policy import LIMITS
-from leaderboard.family import Knowledge
 from leaderboard.notices import notify_once
 from leaderboard.play import EPISODE_FIELDS, Episodes, play
 from leaderboard.result import ResultError, Task

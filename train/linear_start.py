@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.comparators import NOMINAL_CHANGE_WEAR
+from baselines.nominal_optimum import CHANGE_WEAR
 from turning_env import Family, Scenario
 from turning_env.physics.quantities import action_size, layout
 from turning_env.scenario.family import Job
@@ -59,7 +59,7 @@ def nominal_optimum(family: Family) -> LinearStart:
         constants[row] = gain * weights[-1]
     if control.edge_changes == "commanded":
         matrix[-1, entries.index("nominal_wear")] = EDGE_GAIN
-        constants[-1] = -EDGE_GAIN * NOMINAL_CHANGE_WEAR
+        constants[-1] = -EDGE_GAIN * CHANGE_WEAR
     return LinearStart(matrix, constants)
 
 

@@ -30,9 +30,10 @@ from tqdm import tqdm
 from baselines import catalogue
 from baselines.comparators import CAUSAL
 from baselines.oracles.perfect_state import VERSION
+from baselines.oracles.truthful import Truthful
 from baselines.policy_spec import PolicySpec
 from leaderboard.agents.agent_file import ONNX_SUFFIX, informed
-from leaderboard.family import FamilyPlay, Truthful
+from leaderboard.family import FamilyPlay
 from leaderboard.play import Episodes, play, play_family
 from leaderboard.seeds import held_out_seeds, tuning_seeds
 from leaderboard.statistics import Bootstrap, Estimate, Floats, RankKey, rank_key

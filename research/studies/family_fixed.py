@@ -4,14 +4,14 @@
     python -m research.studies.family_fixed unmodelled --jobs 64 --speeds 0.7 0.8 --feeds 0.6
 
 The best feasible one has the score 0 on the family's leaderboards
-(``leaderboard.family.FEASIBLE_SHARES``).
+(``baselines.nominal_optimum.FEASIBLE_SHARES``).
 """
 
 import argparse
 import sys
 from collections.abc import Sequence
 
-from leaderboard.family import FixedNominalOptimum, SetPointShares
+from baselines.nominal_optimum import FixedNominalOptimum, SetPointShares
 from leaderboard.play import play_family
 from leaderboard.statistics import Bootstrap, feasibility, severe_share
 from leaderboard.table import markdown

@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 import torch
 
-from leaderboard.family import FixedNominalOptimum, SetPointShares
+from baselines.nominal_optimum import FixedNominalOptimum, SetPointShares
 from leaderboard.play import play_family
 from leaderboard.statistics import Bootstrap, Estimate, Floats
 from leaderboard.table import markdown

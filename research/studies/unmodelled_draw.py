@@ -20,8 +20,9 @@ from baselines.comparators import CAUSAL
 from baselines.guided import START_SHARE
 from baselines.models.schedule import FORMS
 from baselines.oracles.known_forms import KnownForms, collapses
+from baselines.oracles.truthful import Truthful
 from baselines.self_tuning import RULES, SelfTuning
-from leaderboard.family import FamilyPlay, Truthful
+from leaderboard.family import FamilyPlay
 from leaderboard.play import EPISODE_FIELDS, Episodes, play_family
 from leaderboard.statistics import Bootstrap, Estimate, Floats
 from leaderboard.table import markdown

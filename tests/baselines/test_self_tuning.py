@@ -6,9 +6,9 @@ import pytest
 from baselines import law_errors
 from baselines.catalogue import spec
 from baselines.models.schedule import FORMS, schedule
+from baselines.oracles.truthful import Truthful
 from baselines.predictive import SPEED_MARGIN
 from baselines.self_tuning import SelfTuning
-from leaderboard.family import Truthful
 from leaderboard.play import play, play_family
 from turning_env import FamilyVectorEnv
 from turning_env.scenario.family import Family

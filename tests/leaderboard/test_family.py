@@ -13,12 +13,11 @@ import cloudpickle
 import numpy as np
 import pytest
 import tomli_w
-from numpy.typing import NDArray
 
 from baselines.comparators import CAUSAL, NOMINAL_OPTIMUM, NOMINAL_SHARE
 from baselines.policy_spec import PolicySpec
 from leaderboard.__main__ import main
-from leaderboard.family import KNOWN_FORMS, FamilyPlay, Forgetful, family_task
+from leaderboard.family import KNOWN_FORMS, FamilyPlay, family_task
 from leaderboard.policies import named, one_named
 from leaderboard.result import (
     MANIFEST_FILE,
@@ -38,8 +37,6 @@ from tests.leaderboard.agents import onnx_agents
 from tests.leaderboard.conftest import play_all
 from tests.turning_env.test_family_env import BRIEF, BRIEF_FAMILY
 from turning_env import FAMILY_ID
-from turning_env.physics.quantities import OBS
-from turning_env.policy import Actions, Observations, Policy
 from turning_env.scenario.sections import EdgeFailure
 
 JOBS = 16
@@ -166,25 +163,6 @@ def test_overload_is_counted_over_all_jobs_and_by_job() -> None:
     assert standing.feasible_jobs == 0.75
     assert standing.severe_share == pytest.approx(0.9 / 4)
     assert standing.overload_share == pytest.approx(1.1 * standing.severe_share)
-
-
-def test_a_forgetful_policy_is_reset_where_the_edge_is_fresh() -> None:
-    resets: list[list[bool]] = []
-
-    class Remembering(Policy):
-        def reset(self, mask: NDArray[np.bool_]) -> None:
-            resets.append(mask.tolist())
-
-        def act(self, observations: Observations) -> Actions:
-            return np.zeros((len(observations), 3), np.float32)
-
-    forgetful = Forgetful(Remembering())
-    # The second environment changes its edge before the third step.
-    for wear in [(0.0, 0.0), (0.2, 0.1), (0.3, 0.0), (0.4, 0.1)]:
-        observations = np.zeros((2, 11), np.float32)
-        observations[:, OBS.nominal_wear] = wear
-        forgetful.act(observations)
-    assert resets == [[False, False], [False, True], [False, False]]
 
 
 def test_a_job_does_not_depend_on_those_that_are_played_with_it() -> None:

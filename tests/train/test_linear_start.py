@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from leaderboard.family import FixedNominalOptimum
+from baselines.nominal_optimum import FixedNominalOptimum
 from leaderboard.play import play_family
 from train.linear_start import nominal_optimum
 from turning_env import Family

@@ -5,7 +5,7 @@ import pickle
 import pytest
 
 from baselines.models.schedule import FORMS
-from leaderboard.family import Truthful
+from baselines.oracles.truthful import Truthful
 from tests.turning_env.test_family_env import BRIEF_FAMILY as FAMILY
 from turning_env import Family
 
