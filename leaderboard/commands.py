@@ -14,13 +14,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from baselines.policy_spec import PolicySpec
-from leaderboard import game, pack, policies, run, score_command, table, validation, verify
+from leaderboard import game, maintenance, policies, run, score_command, table, verify
 from leaderboard.agents.agent_file import NAME
 from leaderboard.family import family_task
-from leaderboard.ranking import Leaderboard, read_leaderboard, read_leaderboards
+from leaderboard.ranking import Leaderboard, read_leaderboards
 from leaderboard.result import (
-    MANIFEST_FILE,
-    RESULTS,
     ResultError,
     Task,
     result_folder,
@@ -29,8 +27,16 @@ from leaderboard.result import (
     write_whole,
 )
 from leaderboard.seeds import held_out_seeds
+from leaderboard.shared_options import (
+    SPLITS_ENV_ID,
+    add_agents_folder,
+    add_project_results,
+    add_results,
+    chosen_scenario,
+    result_folders,
+)
 from leaderboard.workers import WorkersError, workers
-from turning_env import ALL_IDS, FAMILY_ID, IDS, SPLITS, Family, Scenario, ScenarioError
+from turning_env import ALL_IDS, FAMILY_ID, SPLITS, Family, Scenario, ScenarioError
 from turning_env.console import (
     DONE,
     FAILED,
@@ -44,14 +50,10 @@ from turning_env.console import (
     whole_number,
 )
 from turning_env.files import digest_of
-from turning_env.scenario.arguments import environment_id, refuse_family
+from turning_env.scenario.arguments import environment_id
 
 PAGE = "index.html"
-PICTURE = Path("docs/leaderboard.png")
 MEMORY = Path("results/verified.json")
-OWN_RESULTS = Path("results")  # folder that a user's runs write to
-PROJECT_RESULTS = Path("leaderboard/results")
-SPLITS_ENV_ID = "RoughTurning-v0"  # the id that has splits
 DEFAULT_SEEDS = 256  # number of seeds where no results come with the project
 
 Command = Callable[[argparse.Namespace], int | None]
@@ -90,12 +92,10 @@ def _parser() -> argparse.ArgumentParser:
     _add_run_options(add(_run, "play policies, print the ranking and write the page"))
     score_command.add_to(commands)
     _add_show_options(add(_show, "print the ranking"))
-    _add_page_options(add(_page, "write all rankings as one HTML file"))
-    _add_pack_options(add(_pack, "move the results of each leaderboard into one file"))
     _add_verify_options(add(_verify, "play results again; fail if any differs"))
+    _add_page_options(add(_page, "write all rankings as one HTML file"))
     game.add_to(commands)
-    _add_cards_options(add(_cards, "write the model card of every agent"))
-    _add_figure_options(add(_figure, "draw the ranking for print"))
+    maintenance.add_to(commands)
     return parser
 
 
@@ -148,7 +148,7 @@ def _run(options: argparse.Namespace) -> None:
 
 
 def _add_run_options(parser: argparse.ArgumentParser) -> None:
-    _add_results(parser)
+    add_results(parser)
     _add_json(parser)
     _add_workers(parser)
     add = parser.add_argument
@@ -254,7 +254,7 @@ def _default_seeds(options: argparse.Namespace) -> int:
     """Return the number of seeds on which a policy ranks among those that come with the project."""
     if options.env == FAMILY_ID:
         return DEFAULT_SEEDS
-    return shipped_seeds(options.env, _scenario(options).name) or DEFAULT_SEEDS
+    return shipped_seeds(options.env, chosen_scenario(options).name) or DEFAULT_SEEDS
 
 
 def _tasks(options: argparse.Namespace) -> list[Task]:
@@ -268,7 +268,7 @@ def _tasks(options: argparse.Namespace) -> list[Task]:
         raise ResultError(
             f"--split, --knows and --forgets are of {FAMILY_ID}, not of {options.env}"
         )
-    task = Task(env_id=options.env, scenario=_scenario(options), seeds=options.seeds)
+    task = Task(env_id=options.env, scenario=chosen_scenario(options), seeds=options.seeds)
     if not options.splits:
         return [task]
     if options.env != SPLITS_ENV_ID:
@@ -426,7 +426,7 @@ def _show(options: argparse.Namespace) -> None:
     else:
         _print_tables(leaderboards, table.render)
     _notify_left_out(leaderboards)
-    if not options.all and len(_result_folders(options.results)) > 1:
+    if not options.all and len(result_folders(options.results)) > 1:
         print("--all prints the other leaderboards", file=sys.stderr)
 
 
@@ -449,7 +449,7 @@ def _aggregated(options: argparse.Namespace) -> str:
 
 
 def _add_show_options(parser: argparse.ArgumentParser) -> None:
-    _add_results(parser)
+    add_results(parser)
     _add_json(parser)
     add = parser.add_argument
     add(
@@ -514,48 +514,9 @@ def _page(options: argparse.Namespace) -> None:
 
 
 def _add_page_options(parser: argparse.ArgumentParser) -> None:
-    _add_results(parser)
+    add_results(parser)
     parser.add_argument(
         "--out", type=Path, metavar="FILE", help="page to write (default: RESULTS/index.html)"
-    )
-
-
-def _pack(options: argparse.Namespace) -> None:
-    """Move the results of each leaderboard into one file, and copy the returns into the wheel.
-
-    ``leaderboard.score`` compares a policy with the returns in the wheel.
-
-    python -m leaderboard pack --results results
-    python -m leaderboard pack --without lagrangian_ppo
-    python -m leaderboard pack --validation
-    """
-    folders = _result_folders(options.results)
-    if not folders:
-        raise ResultError(f"{options.results} holds no results")
-    for folder in folders:
-        if pack.pack(folder, options.without):
-            print(f"packed {folder}")
-    if options.results.resolve() == RESULTS:
-        for path in pack.write_shipped(pack.contents(RESULTS)):
-            print(f"wrote {path}")
-        if options.validation:
-            for path in validation.write(RESULTS):
-                print(f"wrote {path}", flush=True)
-
-
-def _add_pack_options(parser: argparse.ArgumentParser) -> None:
-    _add_project_results(parser)
-    parser.add_argument(
-        "--without",
-        nargs="+",
-        default=[],
-        metavar="NAME",
-        help="policies whose results are deleted",
-    )
-    parser.add_argument(
-        "--validation",
-        action="store_true",
-        help="also play what score compares with on validation seeds, for minutes, and copy that",
     )
 
 
@@ -616,8 +577,8 @@ def _replay(
 
 
 def _add_verify_options(parser: argparse.ArgumentParser) -> None:
-    _add_project_results(parser)
-    _add_agents_folder(parser)
+    add_project_results(parser)
+    add_agents_folder(parser)
     _add_workers(parser)
     add = parser.add_argument
     add("--env", type=environment_id, choices=ALL_IDS, help="only results of this id")
@@ -655,69 +616,6 @@ def _add_verify_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def _cards(options: argparse.Namespace) -> None:
-    """Write the model card of every agent in the agents' folder.
-
-    python -m leaderboard cards --results leaderboard/results --agents agents
-    """
-    from leaderboard import cards  # needed only here: imports Jinja2 and ONNX
-
-    for path in cards.write_all(options.results, options.agents):
-        print(f"wrote {path}")
-
-
-def _add_cards_options(parser: argparse.ArgumentParser) -> None:
-    _add_project_results(parser)
-    _add_agents_folder(parser)
-
-
-def _figure(options: argparse.Namespace) -> None:
-    """Draw the ranking for print, or scores over the tasks.
-
-    python -m leaderboard figure --results leaderboard/results --out docs/leaderboard.png
-    python -m leaderboard figure --aggregate --results leaderboard/results --out scores.png
-    """
-    from leaderboard import aggregate, figure  # needed only here: imports Matplotlib
-
-    if options.aggregate:
-        figure.write_scores(aggregate.read(options.results), options.out)
-        print(f"wrote {options.out}")
-        return
-    folder = result_folder(options.results, options.env, _scenario(options).name)
-    figure.write(read_leaderboard(folder), options.out)
-    print(f"wrote {options.out}")
-
-
-def _add_figure_options(parser: argparse.ArgumentParser) -> None:
-    _add_results(parser)
-    add = parser.add_argument
-    add(
-        "--env",
-        type=environment_id,
-        choices=IDS,
-        default=SPLITS_ENV_ID,
-        help="the environment's id (default: %(default)s)",
-    )
-    add("--scenario", metavar="PRESET_OR_TOML", help="scenario instead of the id's own")
-    add("--aggregate", action="store_true", help="draw scores over the tasks instead")
-    add(
-        "--out",
-        type=Path,
-        default=PICTURE,
-        help="picture to write (default: %(default)s)",
-    )
-
-
-def _scenario(options: argparse.Namespace) -> Scenario:
-    refuse_family(options.scenario)
-    return Scenario.load(options.scenario or IDS[options.env])
-
-
-def _result_folders(results: Path) -> list[Path]:
-    """Return the folders of results that have a manifest."""
-    return sorted(path.parent for path in results.glob(f"*/*/{MANIFEST_FILE}"))
-
-
 def _print_tables(
     leaderboards: Sequence[Leaderboard], text_of: Callable[[Leaderboard], str]
 ) -> None:
@@ -744,34 +642,6 @@ def _write_page(leaderboards: Sequence[Leaderboard], path: Path) -> None:
     from leaderboard import page  # needed only here: imports Jinja2
 
     write_whole(path, page.render(leaderboards))
-
-
-def _add_results(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--results",
-        type=Path,
-        default=OWN_RESULTS,
-        help="folder of results (default: %(default)s; the project's own are in "
-        f"{PROJECT_RESULTS})",
-    )
-
-
-def _add_project_results(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--results",
-        type=Path,
-        default=PROJECT_RESULTS,
-        help="folder of results (default: %(default)s)",
-    )
-
-
-def _add_agents_folder(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--agents",
-        type=Path,
-        default=Path("agents"),
-        help="folder of agents' ONNX files (default: %(default)s)",
-    )
 
 
 def _add_json(parser: argparse.ArgumentParser) -> None:
