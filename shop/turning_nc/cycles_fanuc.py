@@ -34,6 +34,7 @@ from turning_nc.paths import Path, Point, Stop, joined, shifted
 from turning_nc.words import BlockError, Line, Word
 
 MAX_REPEATS = 1000
+MAX_OFF_AXIS = 0.05  # distance of a tap from the axis that counts as none [mm]
 
 
 @dataclass(frozen=True)
@@ -390,6 +391,8 @@ def _drill(control: Control, line: Line, code: int) -> None:
     if repeats is not None and repeats.value != 1.0:
         raise BlockError(f"G{code} with K{repeats.text}, repeats of a hole, is not understood")
     bottom = control.target(line)
+    if code == 84 and abs(bottom.x) > MAX_OFF_AXIS:
+        raise BlockError("a fixed tap cuts on the axis, X0")
     initial = Point(control.z, bottom.x)
     near = _point_near_hole(control, line.first("R"), initial, bottom)
     control.go_rapidly(initial, near)

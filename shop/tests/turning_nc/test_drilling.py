@@ -116,6 +116,15 @@ def test_a_drill_beside_the_axis_is_refused(block: str) -> None:
         remove(made, read_stock("bar:50x40"), {"T0202": "drill:10"})
 
 
+def test_a_tap_goes_to_its_hole_and_is_refused_beside_the_axis() -> None:
+    made = moves(f"{FANUC}G0 X20. Z5.\nG84 X0. Z-15. F1.5\nG80")
+    (tapped,) = [move for move in made.moves if move.kind == "thread"]
+    assert tapped.path.end == (-15.0, 0.0)
+    assert tapped.feed.value == 1.5
+    with pytest.raises(NcError, match=r"line 5: a fixed tap cuts on the axis"):
+        moves(f"{FANUC}G0 X20. Z5.\nG84 Z-15. F1.5\nG80")
+
+
 def test_a_drill_at_its_own_diameter_is_programmed_by_its_corner() -> None:
     made = moves(f"{FANUC}G0 X12.5 Z2.\nG83 Z-20. F0.1\nG80\nG0 Z50.")
     removal = remove(made, read_stock("bar:60x60"), {"T0202": "drill:12.5"})
