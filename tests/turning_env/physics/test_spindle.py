@@ -8,9 +8,19 @@ import math
 import numpy as np
 import pytest
 
+from tests.turning_env.physics.one_env import ENV, put, records_of
 from tests.turning_env.playing import UNDISTURBED, changed, fixed_actions, play
 from turning_env import RoughTurningEnv, Scenario, read
 from turning_env.action import set_point_action
+from turning_env.physics.spindle import (
+    allowed_share,
+    capacity,
+    capacity_at,
+    cool_down,
+    heat_up,
+    idle_power,
+    idle_power_at,
+)
 
 _POWER = UNDISTURBED.material.power.model_dump() | {"wear": 0.0}
 STEADY = changed(UNDISTURBED, control={"interval": 1.0}, material={"power": _POWER})
@@ -132,3 +142,60 @@ def test_without_short_overload_every_excess_costs_and_no_heat_is_counted():
     excess = 1.25 / 1.01 - 1
     assert record["excess_power"][1:] == pytest.approx(excess)
     assert not record["spindle_heat"].any()
+
+
+@pytest.mark.parametrize(("speed", "available"), [(50.0, 0.5), (100.0, 1.0), (250.0, 1.0)])
+def test_the_available_power_rises_up_to_the_base_speed(speed, available):
+    # 1000 / pi rev/min at a diameter of 100 mm are 100 m/min.
+    scenario = changed(
+        Scenario(), spindle={"base_speed": 1000.0 / math.pi}, workpiece={"diameter": 100.0}
+    )
+    p = records_of(capacity_per_speed=0.01).p
+    assert capacity(p, ENV, speed) == pytest.approx(available)
+    assert capacity_at(scenario, speed) == pytest.approx(available)
+    assert capacity_at(Scenario(), speed) == 1.0
+
+
+def test_the_idle_power_is_torque_times_angular_velocity():
+    scenario = changed(Scenario(), spindle={"idle_torque": 6.0}, workpiece={"diameter": 80.0})
+    # 120 m/min at 80 mm are 477.46 rev/min = 50 rad/s: 300 W.
+    p = records_of(scenario).p
+    assert idle_power_at(scenario, 120.0) == pytest.approx(0.3)
+    assert idle_power(p, ENV, 120.0) == pytest.approx(0.3)
+
+
+@pytest.mark.parametrize(
+    ("heat", "share"),
+    [
+        pytest.param(0.99, 1.4 * 0.5, id="cold"),
+        pytest.param(1.0, 0.5, id="hot"),
+        pytest.param(1.2, 0.5, id="hotter"),
+    ],
+)
+def test_a_cold_motor_may_be_overloaded(heat, share):
+    records = records_of(short_time_load=1.4, capacity_per_speed=0.01)
+    put(records.state, spindle_heat=heat, cutting_speed=50.0)
+    assert allowed_share(records.state, ENV, records.p) == pytest.approx(share)
+
+
+@pytest.mark.parametrize("turns", [3.0, 0.0])
+def test_the_motor_heats_up_by_the_square_of_its_load(turns):
+    records = records_of(
+        rated_power=10.0,
+        idle_power_per_speed=0.02,
+        capacity_per_speed=0.01,
+        thermal_time_constant=4.0,
+    )
+    # (5 + 0.02 * 50) kW of 10 kW * 0.5.
+    put(records.state, cutting_speed=50.0, power=5.0, spindle_heat=0.3)
+    put(records.work, sub_step=2.0, turns=turns)
+    heat_up(records.state, records.work, ENV, records.p)
+    share = 1.0 - math.exp(-0.5) if turns else 0.0
+    assert records.state.spindle_heat[ENV] == pytest.approx(0.3 + (1.44 - 0.3) * share)
+
+
+def test_the_motor_cools_without_load():
+    records = records_of(thermal_time_constant=4.0)
+    put(records.state, spindle_heat=0.8)
+    cool_down(records.state, ENV, records.p, 2.0)
+    assert records.state.spindle_heat[ENV] == pytest.approx(0.8 * math.exp(-0.5))
