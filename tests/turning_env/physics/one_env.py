@@ -56,3 +56,9 @@ def put_law(law: Any, coefficient: float, **exponents: float) -> None:
 def values_of(record: Any, *names: str) -> list[float]:
     """Return values of the environment in a record."""
     return [float(record[name][ENV]) for name in names]
+
+
+def fill(record: Any, **values: Any) -> None:
+    """Set values of all environments of the block, for equations that loop over them."""
+    for name, value in values.items():
+        record[name][...] = value

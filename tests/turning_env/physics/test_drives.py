@@ -34,6 +34,7 @@ def test_commands_are_followed_with_the_time_constants():
         assert info["feed"] == pytest.approx(expected_feed, rel=1e-12)
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("delay", [0.25, 1.0, 2.5, 4.0])
 def test_a_delayed_command_acts_after_its_dead_time(delay):
     scenario = changed(
@@ -125,8 +126,9 @@ def test_late_commands_act_after_their_dead_time(steps_late, sub_steps_left, spe
     assert records.work.target_feed[ENV] == pytest.approx(feed)
 
 
-def test_the_longest_delay_reaches_the_end_of_the_queue():
-    records = records_of(sub_steps=4, steps_late=float(MAX_DELAY))
+@pytest.mark.parametrize("more", [0.0, 2.0])
+def test_the_longest_delay_reaches_the_end_of_the_queue(more):
+    records = records_of(sub_steps=4, steps_late=MAX_DELAY + more)
     records.state.past_cutting_speeds[-1, ENV] = 70.0
     put(records.work, sub_steps_left=1)
     follow_late_command(records.state, records.work, ENV, records.p)

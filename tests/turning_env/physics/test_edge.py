@@ -93,7 +93,7 @@ def test_a_changed_edge_is_inspected_and_takes_its_time(
     put(next_edge.state, edge=7)
     fit_edge(next_edge.state, ENV, next_edge.p)
     change_edge(records.state, records.report, ENV, records.p, stop=0.5)
-    assert records.state.removed_wear[ENV] == pytest.approx(wear)
+    assert records.state.removed_wear[ENV] == pytest.approx(wear, rel=1e-9, abs=0.0)
     assert records.state.edge[ENV] == 7
     assert records.state.edge_strength[ENV] == next_edge.state.edge_strength[ENV]
     assert records.state.cutting_time[ENV] == 0.0

@@ -186,3 +186,10 @@ def test_a_notch_breaks_an_edge_of_usual_strength_at_one_over_its_growth() -> No
     used_life = relative_wear ** (1 / scenario.material.wear.time)
     assert record["broken"][end]
     assert used_life[end - 1] < 1 / growth <= used_life[end]
+
+
+def test_an_edge_bears_exactly_its_temperature() -> None:
+    records = cutting(log_collapse_temperature=math.log(1000.0))
+    put_law(records.p.temperature_law, 1000.0)
+    collapse(records.state, records.work, ENV, records.p)
+    assert records.work.broken[ENV] == 0

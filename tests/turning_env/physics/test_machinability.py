@@ -45,6 +45,13 @@ def test_the_wear_of_a_fresh_edge_after_a_minute_is_that_of_the_table() -> None:
     assert wear == pytest.approx(expected, rel=1e-6)
 
 
+def test_the_wear_of_a_fresh_edge_does_not_depend_on_its_wear() -> None:
+    p = published().p
+    before = log_wear_coefficient(p, ENV, **LOGS)
+    p.wear_law.wear[ENV] = 0.5
+    assert log_wear_coefficient(p, ENV, **LOGS) == before
+
+
 @pytest.mark.parametrize("loads", [force_and_power, loads_with_fresh_share])
 def test_force_and_power_are_those_of_the_table(loads: Any) -> None:
     force, power = loads(published().p, ENV, **LOGS, log_wear=math.log(0.25))

@@ -1,9 +1,20 @@
 """The table of quantities, and the records, info and specification that follow from it."""
 
+import pytest
+
 from tests.turning_env.playing import changed, slightly_different, variants
 from turning_env import RoughTurningEnv, Scenario
 from turning_env.info import INFO_KEYS
-from turning_env.physics.quantities import OBSERVATION
+from turning_env.physics.quantities import (
+    INFO,
+    OBS,
+    OBSERVATION,
+    REPORT,
+    ROW,
+    WIDTH,
+    action_size,
+    layout,
+)
 from turning_env.physics.records import parameter_records
 
 FURTHER_LIMITS = ("radial_force", "torque", "roughness")
@@ -55,3 +66,89 @@ def test_the_specification_names_every_entry_of_info():
     specification = RoughTurningEnv.__doc__ or ""
     for name in INFO_KEYS:
         assert f"`{name}`" in specification or f"| {name} " in specification, name
+
+
+ALWAYS = (
+    ("power", -5.0, 15.0),
+    ("thrust_force", -5.0, 15.0),
+    ("cutting_speed", -1.0, 1.0),
+    ("feed", -1.0, 1.0),
+    ("commanded_cutting_speed", -1.0, 1.0),
+    ("commanded_feed", -1.0, 1.0),
+    ("cutting_time", 0.0, 12.0),
+    ("nominal_wear", 0.0, 4.0),
+    ("power_ratio", -5.0, 15.0),
+    ("force_ratio", -5.0, 15.0),
+    ("cutting", 0.0, 1.0),
+)
+# Entries of some scenarios, in order, with the values that show them.
+OPTIONAL = (
+    ("spindle_heat", 0.0, 4.0, {"spindle": {"short_time_load": 1.2}}),
+    ("roughness_reference", -1.0, 1.0, {"control": {"aim": "roughness"}}),
+    ("probed_depth", -5.0, 15.0, {"sensors": {"probe": True}}),
+    (
+        "removed_wear",
+        0.0,
+        4.0,
+        {"sensors": {"inspects_edges": True}, "control": {"edge_changes": "automatic"}},
+    ),
+    ("tangles", 0.0, 4.0, {"sensors": {"counts_tangles": True}}),
+)
+HIDDEN = (
+    ("hardness", -5.0, 15.0),
+    ("depth_of_cut", -5.0, 15.0),
+    ("wear", 0.0, 4.0),
+    ("wear_factor", -5.0, 15.0),
+    ("edge_strength", -5.0, 15.0),
+)
+
+
+def test_the_entries_of_an_observation_have_their_ranges() -> None:
+    listed = [(entry.name, entry.low, entry.high) for entry in OBSERVATION]
+    optional = [entry[:3] for entry in OPTIONAL]
+    assert listed == [*ALWAYS, *optional, *HIDDEN]
+    assert layout(Scenario()) == tuple(name for name, _, _ in ALWAYS)
+
+
+@pytest.mark.parametrize(("name", "low", "high", "sections"), OPTIONAL)
+def test_a_scenario_shows_the_entries_that_it_has(
+    name: str, low: float, high: float, sections: dict[str, dict[str, object]]
+) -> None:
+    scenario = Scenario()
+    # Without validation: most of these entries need more than the one value.
+    for section, values in sections.items():
+        chosen = getattr(scenario, section).model_copy(update=values)
+        scenario = scenario.model_copy(update={section: chosen})
+    shown = layout(scenario)
+    assert set(shown) - set(layout(Scenario())) == {name}
+    assert low < high
+
+
+def test_the_hidden_state_can_be_observed() -> None:
+    shown = layout(changed(Scenario(), sensors={"observes_all": True}))
+    assert shown[len(ALWAYS) :] == tuple(name for name, _, _ in HIDDEN)
+
+
+@pytest.mark.parametrize(
+    ("control", "size"),
+    [
+        ({"action": "incremental"}, 2),
+        ({"action": "set_point"}, 2),
+        ({"action": "override"}, 1),
+        ({"action": "set_point", "edge_changes": "commanded"}, 3),
+        ({"action": "override", "edge_changes": "commanded"}, 2),
+        ({"action": "part", "passes_max": 3}, 8),
+    ],
+)
+def test_an_action_has_as_many_numbers_as_it_sets(control: dict[str, object], size: int) -> None:
+    scenario = Scenario()
+    chosen = scenario.control.model_copy(update=control)
+    assert action_size(scenario.model_copy(update={"control": chosen})) == size
+
+
+def test_places_are_those_of_the_tables() -> None:
+    assert OBS._fields == tuple(entry.name for entry in OBSERVATION)
+    assert tuple(OBS) == tuple(range(len(OBSERVATION)))
+    assert ROW._fields == tuple(quantity.name for quantity in REPORT)
+    assert ROW.reward == len(INFO)
+    assert WIDTH == 32

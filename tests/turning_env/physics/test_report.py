@@ -104,6 +104,7 @@ def test_an_episode_ends_by_its_job_its_edge_or_its_time(
     ("by_step", "engaged_time", "means"),
     [
         pytest.param(True, 20.0, [300.0, 1.5], id="over the time in metal"),
+        pytest.param(True, 0.5, [12000.0, 60.0], id="over half a second"),
         pytest.param(True, 0.0, [6000.0, 30.0], id="no metal"),
         pytest.param(False, 20.0, [6000.0, 30.0], id="set by the last pass"),
     ],

@@ -32,6 +32,7 @@ def ratios(steps):
     return Ratios(np.array(power), np.array(force))
 
 
+@pytest.mark.compiled
 def test_noise_is_relative_unbiased_and_independent():
     """Over 2000 steps the standard error of a standard deviation is 1.6 %."""
     noisy = changed(BRISK, sensors={"power_noise": 0.02, "force_noise": 0.05})
@@ -55,6 +56,7 @@ def test_measurements_lag_behind_the_process():
     assert (force < power).all()
 
 
+@pytest.mark.compiled
 def test_readings_drift_and_the_depth_grows_until_the_machine_is_warm():
     drift = {
         "power_drift": 0.05,

@@ -111,6 +111,7 @@ def test_the_highest_speed_limits_the_cutting_speed_by_the_diameter(diameter):
     assert cut(scenario, 60.0)["cutting_speed"][1:] == pytest.approx(60.0, rel=1e-6)
 
 
+@pytest.mark.compiled
 def test_short_overload_is_allowed_until_the_motor_is_hot():
     power = last(cut(STEADY, 4 * BASE))["power"]
     rated = power / 1.25

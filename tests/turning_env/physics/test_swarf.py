@@ -30,6 +30,7 @@ def episodes(feed: float, depth: float, swarf: dict[str, Any]) -> Episodes:
     return play(lambda _: FixedParameters(scenario, 190.0, feed), scenario, range(EDGES))
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize(
     ("feed", "depth"),
     [
@@ -52,6 +53,7 @@ def test_outside_the_window_chips_stop_the_machine_at_their_rate(feed: float, de
     assert played["reward_time"].tolist() == (-played["time"]).tolist()
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize(
     ("feed", "depth", "swarf"),
     [

@@ -28,6 +28,7 @@ WEAR_LAW = UNDISTURBED.material.wear
 WEAR_CRITERION = UNDISTURBED.tool.wear_criterion
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("rule", RULES)
 @settings(max_examples=25)
 @given(
@@ -95,6 +96,7 @@ def test_an_edge_runs_in_and_wears_fast_again_at_the_end():
     assert rates.rate == pytest.approx(running_in * tertiary, rel=1e-6)
 
 
+@pytest.mark.compiled
 def test_wear_has_a_minimum_above_the_speed_at_which_edges_build_up():
     """One slow step at each speed; the power law's exponent over the range is taken out."""
     built_up = {"built_up_edge": 40.0, "built_up_speed": 90.0, "built_up_width": 0.25}

@@ -36,6 +36,7 @@ def fields(scenario: Scenario, cuts):
     return Fields(scenario).along((0, 0), 0, np.asarray(cuts))
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("along", [0.0, 137.3])
 @pytest.mark.parametrize("kind", ["bar", "along"])
 def test_spreads_are_those_of_the_scenario(along, kind):
