@@ -37,7 +37,7 @@ import gymnasium
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("turning_env/physics", "turning_env/numerics", "baselines/models")
 FILES = (
-    "turning_env/scoring/statistics.py",
+    "leaderboard/statistics.py",
     "leaderboard/standings.py",
     "leaderboard/ranking.py",
     "leaderboard/aggregate.py",
@@ -85,7 +85,7 @@ class Mutant(NamedTuple):
 
     node: int
     alternative: int
-    text: str  # "before -> after", both on one line
+    text: str  # "number of the line: line [before -> after]"
 
     def tree(self, source: str) -> ast.Module:
         """Return the tree of the source with this edit."""
@@ -113,6 +113,19 @@ def with_fields(node: Any, **fields: Any) -> Any:
 
 def alternatives(node: Any) -> Iterator[ast.AST]:
     """Yield the wrong alternatives of a node."""
+    yield from other_operators(node)
+    yield from other_values(node)
+    yield from dropped_bounds(node)
+    # A statement left out.
+    match node:
+        case ast.AugAssign() | ast.Expr(value=ast.Call()):
+            yield ast.copy_location(ast.Pass(), node)
+        case ast.Assign(targets=[ast.Attribute() | ast.Subscript()]):
+            yield ast.copy_location(ast.Pass(), node)
+
+
+def other_operators(node: Any) -> Iterator[ast.AST]:
+    """Yield a node with another operator, or a condition turned round."""
     match node:
         case ast.BinOp() | ast.AugAssign():
             if type(node.op) in BINARY:
@@ -126,23 +139,28 @@ def alternatives(node: Any) -> Iterator[ast.AST]:
             yield node.operand
         case ast.IfExp() | ast.If():
             yield with_fields(node, test=ast.UnaryOp(ast.Not(), node.test))
+
+
+def other_values(node: Any) -> Iterator[ast.AST]:
+    """Yield another number or truth value."""
+    match node:
         case ast.Constant(value=bool()):
             yield with_fields(node, value=not node.value)
         case ast.Constant(value=int()):
             yield with_fields(node, value=node.value + 1)
         case ast.Constant(value=float()):
             yield with_fields(node, value=2.0 * node.value or 1.0)
+
+
+def dropped_bounds(node: Any) -> Iterator[ast.AST]:
+    """Yield what a clamp or a magnitude is taken of."""
+    match node:
         case ast.Call(args=[_, *_], keywords=[]):
             name = getattr(node.func, "id", "") or getattr(node.func, "attr", "")
             if name in BOUNDS and len(node.args) == 2:
                 yield from node.args
             elif name in ("clip", "abs"):
                 yield node.args[0]
-    match node:
-        case ast.AugAssign() | ast.Expr(value=ast.Call()):
-            yield ast.copy_location(ast.Pass(), node)
-        case ast.Assign(targets=[ast.Attribute() | ast.Subscript()]):
-            yield ast.copy_location(ast.Pass(), node)
 
 
 def nodes_without_code(tree: ast.Module) -> set[ast.AST]:
@@ -164,6 +182,7 @@ def nodes_without_code(tree: ast.Module) -> set[ast.AST]:
 def mutants_of(source: str) -> list[Mutant]:
     """Return all mutants of a source."""
     tree = ast.parse(source)
+    lines = source.splitlines()
     left_out = nodes_without_code(tree)
     mutants = []
     for number, node in enumerate(ast.walk(tree)):
@@ -173,7 +192,7 @@ def mutants_of(source: str) -> list[Mutant]:
             line = getattr(node, "lineno", 0)
             before = " ".join(ast.unparse(node).split())
             after = " ".join(ast.unparse(ast.fix_missing_locations(other)).split())
-            text = f"{line}: {before[:100]} -> {after[:100]}"
+            text = f"{line}: {lines[line - 1].strip()} [{before[:60]} -> {after[:60]}]"
             mutants.append(Mutant(number, place, text))
     return mutants
 
@@ -300,6 +319,7 @@ def chosen_files(names: list[str]) -> list[str]:
 
 
 def main() -> None:
+    """Run the command line."""
     parser = argparse.ArgumentParser(description="List wrong edits that tests let pass.")
     parser.add_argument("files", nargs="*", help="files or folders; default: all of the core")
     parser.add_argument("--sample", type=int, help="number of mutants of each file; default: all")

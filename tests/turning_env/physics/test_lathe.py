@@ -489,7 +489,14 @@ def test_loads_fall_behind_the_chip_out_of_the_metal(
     assert values_of(records.state, "thrust_force", "power") == [800.0 * share, 4.0 * share]
 
 
-SUMS = ("engaged_time", "removed", "mean_thrust_force", "mean_power", "cost_force", "cost_power")
+SUMS = (
+    "engaged_time",
+    "removed",
+    "mean_thrust_force",
+    "mean_power",
+    "excess_force",
+    "excess_power",
+)
 TIMES = (
     "overload_time",
     "severe_overload_time",
@@ -499,7 +506,7 @@ TIMES = (
 
 
 @pytest.mark.parametrize(
-    ("force", "power", "further", "varies", "cost_force", "cost_power", "times"),
+    ("force", "power", "further", "varies", "excess_force", "excess_power", "times"),
     [
         # Limits of 1000 N and 5 kW; idling takes 1 kW; 0.1 min = 6 s of cutting.
         pytest.param(800.0, 3.0, 0.0, False, 0.0, 0.0, [0, 0, 0, 0], id="within"),
@@ -520,8 +527,8 @@ def test_metal_and_excess_over_the_limits_are_summed(
     power: float,
     further: float,
     varies: bool,
-    cost_force: float,
-    cost_power: float,
+    excess_force: float,
+    excess_power: float,
     times: list[float],
 ) -> None:
     records = records_of(
@@ -538,7 +545,7 @@ def test_metal_and_excess_over_the_limits_are_summed(
     add_to_sums(records.state, records.work, records.report, ENV, records.p, varies)
     # 200 m/min * 0.3 mm * 2 mm = 120 cm3/min.
     expected = [7.0, 13.0, 1.0 + 6.0 * force, 1.0 + 6.0 * (power + 1.0)]
-    expected += [1.0 + 0.1 * cost_force, 1.0 + 0.1 * cost_power]
+    expected += [1.0 + 0.1 * excess_force, 1.0 + 0.1 * excess_power]
     assert values_of(records.report, *SUMS) == pytest.approx(expected)
     assert values_of(records.report, *TIMES) == pytest.approx([1.0 + time for time in times])
 
@@ -553,7 +560,7 @@ def test_the_limit_of_power_varies_with_heat_or_a_base_speed(flag: str) -> None:
     if flag:
         put(records.p, **{flag: True})
     end_sub_step(records.state, records.work, records.report, AFTER, records.p)
-    assert records.report.cost_power[ENV] == pytest.approx(1.0 if flag else 0.0)
+    assert records.report.excess_power[ENV] == pytest.approx(1.0 if flag else 0.0)
 
 
 @pytest.mark.parametrize(("used_life", "before"), [(0.3, 0.3), (1.2, 1.0)])
@@ -810,7 +817,7 @@ def test_over_an_episode_of_every_id_nothing_is_lost(env_id: str) -> None:
         metal = 60.0 * info["removed"] / economics.reference_removal_rate
         assert info["reward_metal"] == pytest.approx(metal)
         assert info["reward_time"] == -info["time"]
-        overload = 60.0 * economics.overload_price * info["cost"]
+        overload = 60.0 * economics.overload_price * info["excess"]
         minutes = (info["time"] - info["stopped_time"]) / 60.0
         if scenario.control.action != "part":
             assert info["reward_overload"] == pytest.approx(-overload * minutes, abs=1e-9)

@@ -48,8 +48,8 @@ def test_the_reward_is_the_sum_of_its_terms() -> None:
         removed=240.0,  # [cm3], worth 2 min
         time=75.0,  # [s]
         reward_edge=-11.0,
-        cost_force=0.25,  # [min]
-        cost_power=0.5,
+        excess_force=0.25,  # [min]
+        excess_power=0.5,
         reward_breakage=-17.0,
         roughness_deviation=4.0,  # [s]
     )
@@ -111,21 +111,25 @@ def test_an_episode_ends_by_its_job_its_edge_or_its_time(
 )
 def test_a_step_finishes_with_means(by_step: bool, engaged_time: float, means: list[float]) -> None:
     records = records_of(path_end=900.0, step_limit=50, overload_price=2.0)
+    put(records.p, overload_allowance=0.05)
     put(records.work, minutes=0.5, edge_failed=1)
     put(
         records.report,
         engaged_time=engaged_time,
         mean_thrust_force=6000.0,
         mean_power=30.0,
-        cost_force=0.1,
-        cost_power=0.2,
+        excess_force=0.1,
+        excess_power=0.2,
+        severe_overload_time=3.0,
     )
     finish_step(records.state, records.work, records.report, ENV, records.p, True, by_step)
     report = records.report
     assert values_of(report, "mean_thrust_force", "mean_power") == means
     # Excess integrated over 0.5 min: 0.1 min and 0.2 min.
-    costs = values_of(report, "cost_force", "cost_power", "cost")
-    assert costs == pytest.approx([0.2, 0.4, 0.6])
+    excess = values_of(report, "excess_force", "excess_power", "excess")
+    assert excess == pytest.approx([0.2, 0.4, 0.6])
+    # Of the time in metal, 5 % may be severe overload.
+    assert report.cost[ENV] == pytest.approx(3.0 - 0.05 * engaged_time)
     # The reward takes the integrals: 60 * 2 * 0.3 min.
     assert report.reward[ENV] == pytest.approx(-36.0)
     assert report.terminated[ENV] == 1.0
