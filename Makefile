@@ -50,7 +50,7 @@ FEATURES = import sys; from numpy._core._multiarray_umath import __cpu_dispatch_
 	print(*(name for name in names if sys.argv[1] == "all" or "AVX512" in name or name == "X86_V4"))
 TESTS ?= -m "not slow"
 
-.PHONY: help setup leaderboard agents seeds results verify check lint types fast test system control processors soak wheel clients constraints format site clean
+.PHONY: help setup leaderboard agents seeds results verify check lint types fast test mutants system control processors soak wheel clients constraints format site clean
 
 # The targets, each with the first sentence of its comment.
 help:
@@ -132,6 +132,10 @@ test: WORKERS = 3
 test: .venv/test
 	@$(MAKE) --no-print-directory --jobs 2 --output-sync=target lint types .venv/compiled
 	$(PYTEST)
+
+# Small wrong edits of the core that its tests of the same name let pass; FILES= and SAMPLE= choose some.
+mutants: .venv/test
+	.venv/bin/python -m tools.mutants $(FILES) $(if $(SAMPLE),--sample $(SAMPLE))
 
 # Install what tests need beside Python: Chromium and LinuxCNC, from Debian. Without them `make test` leaves tests out, and says so at its end.
 system:

@@ -1,0 +1,232 @@
+"""Results on one task are ranked together, whatever else their folder holds."""
+
+from pathlib import Path
+
+import pytest
+
+from leaderboard.ranking import read_if_usable, read_leaderboard, read_leaderboards
+from leaderboard.result import (
+    MANIFEST_FILE,
+    TRAJECTORIES_FILE,
+    Manifest,
+    Result,
+    ResultError,
+    Task,
+    result_folder,
+    write_manifest,
+    write_part,
+    write_result,
+)
+from leaderboard.trajectories import SERIES, Trajectories, Trajectory
+from tests.leaderboard.conftest import ENV_ID, MakeResult
+from turning_env import IDS
+
+
+@pytest.fixture
+def other(task: Task) -> Task:
+    """The same scenario on other seeds: another task."""
+    return task.model_copy(update={"seeds": [1, 2, 3]})
+
+
+def write(folder: Path, *results: Result) -> None:
+    for result in results:
+        write_result(result, folder)
+
+
+def test_the_task_of_most_results_is_ranked_and_others_are_left_out(
+    folder: Path, make_result: MakeResult, task: Task, other: Task
+) -> None:
+    write(folder, make_result("first", returns=1.0), make_result("second", returns=2.0))
+    write(folder, make_result("elsewhere", on=other))
+    leaderboard = read_leaderboard(folder)
+    assert leaderboard.task == task
+    assert [standing.name for standing in leaderboard.standings] == ["second", "first"]
+    assert [result.policy.name for result in leaderboard.results] == ["first", "second"]
+    assert leaderboard.left_out == [str(folder / "elsewhere")]
+    assert leaderboard.names == {"first": "first", "second": "second"}
+    assert leaderboard.trajectories is None
+
+
+def test_the_manifest_names_the_task_and_a_given_one_comes_first(
+    folder: Path, make_result: MakeResult, task: Task, other: Task
+) -> None:
+    write(folder, make_result("first"), make_result("second"))
+    write(folder, make_result("elsewhere", on=other))
+    write_manifest(folder, other)
+    assert read_leaderboard(folder).task == other
+    assert read_leaderboard(folder, task).task == task
+    assert read_leaderboard(folder, task).left_out == [str(folder / "elsewhere")]
+
+
+def test_of_two_tasks_with_as_many_results_one_is_chosen_by_its_digest(
+    folder: Path, make_result: MakeResult, task: Task, other: Task
+) -> None:
+    write(folder, make_result("first"), make_result("elsewhere", on=other))
+    assert read_leaderboard(folder).task.digest == max(task.digest, other.digest)
+
+
+def test_folders_without_results_on_the_task_are_refused(
+    folder: Path, make_result: MakeResult, other: Task
+) -> None:
+    folder.mkdir(parents=True)
+    with pytest.raises(ResultError, match="holds no results"):
+        read_leaderboard(folder)
+    write(folder, make_result("first"))
+    with pytest.raises(ResultError, match=f"no results on task {other.digest[:12]}"):
+        read_leaderboard(folder, other)
+
+
+@pytest.fixture
+def results(tmp_path: Path, make_result: MakeResult, task: Task) -> Path:
+    """A folder with results on three ids, of two presets of one, and on two splits of a family."""
+    root = tmp_path / "results"
+    places = [
+        ("RoughTurning-Shift-v0", "shift"),
+        (ENV_ID, "worn_lot"),
+        (ENV_ID, "rough_turning"),
+        ("RoughTurning-Family-v0", "shop-train"),
+        ("RoughTurning-Family-v0", "shop-unseen"),
+        ("Unknown-v9", "odd"),
+    ]
+    for env_id, scenario_name in places:
+        place = result_folder(root, env_id, scenario_name)
+        scenario = task.scenario.model_copy(update={"name": scenario_name})
+        on = task.model_copy(update={"env_id": env_id, "scenario": scenario})
+        write(place, make_result("rule", on=on))
+    result_folder(root, ENV_ID, "empty").mkdir()
+    return root
+
+
+def tasks_of(results: Path, **options: object) -> list[str]:
+    """Return the ids of the leaderboards, in order."""
+    return [board.task.env_id for board in read_leaderboards(results, **options)]  # type: ignore[arg-type]
+
+
+def test_ids_come_in_the_order_in_which_they_are_declared(results: Path) -> None:
+    found = tasks_of(results)
+    known = [env_id for env_id in found if env_id in IDS]
+    order = list(IDS)
+    assert known == sorted(known, key=order.index)
+    assert known == [ENV_ID, ENV_ID, "RoughTurning-Shift-v0"]
+    assert found[-1] == "Unknown-v9"
+    assert len(found) == 6
+    assert tasks_of(results, max_count=2) == found[:2]
+    assert tasks_of(results, env_id="RoughTurning-Shift-v0") == ["RoughTurning-Shift-v0"]
+
+
+def test_an_ids_own_preset_comes_before_other_scenarios(
+    results: Path, make_result: MakeResult, other: Task
+) -> None:
+    own = result_folder(results, ENV_ID, "rough_turning")
+    write(own, make_result("rule", on=other), make_result("another", on=other))
+    boards = read_leaderboards(results, env_id=ENV_ID)
+    assert [len(board.results) for board in boards] == [2, 1]
+    only_one = read_leaderboards(results, env_id=ENV_ID, max_count=1)
+    assert [len(board.results) for board in only_one] == [2]
+
+
+@pytest.mark.parametrize(
+    ("scenarios", "count"),
+    [
+        ([], 6),
+        (["shift"], 1),
+        (["shop"], 2),
+        (["shop-train"], 1),
+        (["shift", "shop"], 3),
+    ],
+)
+def test_scenarios_are_chosen_by_name_and_families_with_all_splits(
+    results: Path, scenarios: list[str], count: int
+) -> None:
+    assert len(tasks_of(results, scenarios=scenarios)) == count
+
+
+def test_the_task_of_a_folder_can_be_given(
+    results: Path, make_result: MakeResult, other: Task
+) -> None:
+    place = result_folder(results, ENV_ID, "rough_turning")
+    write(place, make_result("less", on=other))
+    boards = read_leaderboards(results, {place: other}, env_id=ENV_ID)
+    assert [board.task.seeds for board in boards] == [other.seeds, [7, 8, 9, 10]]
+
+
+def test_a_folder_that_cannot_be_used_is_named_and_the_others_are_ranked(
+    results: Path, other: Task, capsys: pytest.CaptureFixture[str]
+) -> None:
+    place = result_folder(results, "Unknown-v9", "odd")
+    assert len(read_leaderboards(results, {place: other})) == 5
+    assert f"skipped: {place} holds no results on task" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        pytest.param(
+            {"env_id": ENV_ID, "scenarios": ["casting"]},
+            f"holds no results of {ENV_ID} of casting yet, only empty, rough_turning, worn_lot: "
+            f"python -m leaderboard run --env {ENV_ID}",
+            id="id and scenario",
+        ),
+        pytest.param(
+            {"scenarios": ["casting"]},
+            "of casting yet, only empty, odd, rough_turning, shift, shop-train, shop-unseen, "
+            "worn_lot: python -m leaderboard run$",
+            id="scenario",
+        ),
+        pytest.param(
+            {"env_id": "RoughTurning-Paper-v0"},
+            "of RoughTurning-Paper-v0 yet: python -m leaderboard run --env RoughTurning-Paper-v0",
+            id="nothing there",
+        ),
+    ],
+)
+def test_without_results_the_error_says_what_is_there(
+    results: Path, options: dict[str, object], message: str
+) -> None:
+    with pytest.raises(ResultError, match=message):
+        tasks_of(results, **options)
+
+
+def trajectory_of(result: Result) -> Trajectory:
+    series = {name: [1.0, 2.0] for name in ("minutes", *SERIES)}
+    return Trajectory(policy=result.policy, seed=7, steps=2, series=series)
+
+
+def write_trajectories(folder: Path, task: Task, *results: Result) -> None:
+    episodes = [trajectory_of(result) for result in results]
+    write_part(Trajectories(task=task.digest, episodes=episodes), folder / TRAJECTORIES_FILE)
+
+
+def test_recorded_trajectories_are_those_of_the_ranked_results(
+    folder: Path, make_result: MakeResult, task: Task, other: Task
+) -> None:
+    played = make_result("played")
+    gone = make_result("gone")
+    write(folder, played)
+    write_trajectories(folder, task, played, gone)
+    trajectories = read_leaderboard(folder).trajectories
+    assert trajectories is not None
+    assert [episode.policy.name for episode in trajectories.episodes] == ["played"]
+
+    write_trajectories(folder, task, gone)
+    assert read_leaderboard(folder).trajectories is None
+    write_trajectories(folder, other, played)
+    assert read_leaderboard(folder).trajectories is None
+
+
+def test_a_file_that_a_run_writes_again_may_be_missing_or_damaged(
+    folder: Path, task: Task, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = folder / MANIFEST_FILE
+    assert read_if_usable(Manifest, path) is None
+    assert capsys.readouterr().err == ""
+    folder.mkdir(parents=True)
+    write_manifest(folder, task)
+    manifest = read_if_usable(Manifest, path)
+    assert manifest is not None
+    assert manifest.task == task
+    path.write_text("{")
+    assert read_if_usable(Manifest, path) is None
+    notice = capsys.readouterr().err
+    assert notice.startswith("skipped: ")
+    assert "the next python -m leaderboard run writes it anew" in notice
