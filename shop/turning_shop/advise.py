@@ -303,7 +303,7 @@ def _closest(scenario: Scenario, cuts: Cuts) -> _Closest:
     share = np.maximum(force_share, power_share)
     index = int(share.argmin())
     return _Closest(
-        cuts=Cuts(*(values.flat[index] for values in cuts)),
+        cuts=Cuts(*(np.asarray(values.flat[index]) for values in cuts)),
         share=float(share.flat[index]),
         by_force=bool(force_share.flat[index] > 1.0),
         by_power=bool(power_share.flat[index] > 1.0),

@@ -680,6 +680,7 @@ def _job(options: argparse.Namespace) -> "start.Job | None":
         roughness=options.roughness,
         support=options.support,
         hardness=options.hardness and brinell(options.hardness),
+        conditions=tuple(dict.fromkeys(options.cut or ())),
     )
     return start.job_of(question)
 
@@ -703,6 +704,7 @@ _CATALOGUE_OPTIONS = (
     "feeds",
     "support",
     "hardness",
+    "cut",
     "out",
 )
 """Options of a job without a scenario."""
@@ -756,6 +758,12 @@ def _add_catalogue_options(parser: argparse.ArgumentParser) -> None:
         "--hardness",
         metavar="X",
         help="hardness of the bar, such as 300HB or 32HRC (default: annealed)",
+    )
+    add(
+        "--cut",
+        nargs="+",
+        choices=("interrupted", "skin", "unstable", "dry"),
+        help="what the cut is not: smooth, clean, firm, wet; each lowers the speed",
     )
     add("--out", type=Path, metavar="TOML", help="scenario to write, for map, whatif, program")
 

@@ -45,6 +45,7 @@ from turning_shop.catalogue.hardness import MAX_OF_CARBIDE
 from turning_shop.catalogue.inserts import Insert, read_insert
 from turning_shop.catalogue.materials import Material, find_material, other_states
 from turning_shop.catalogue.start_values import (
+    CONDITIONS,
     DEPTH_EXPONENT,
     FEED_EXPONENT,
     FEEDS_SOURCE,
@@ -53,6 +54,7 @@ from turning_shop.catalogue.start_values import (
     Start,
     check_grade,
     feeds_of,
+    for_conditions,
     read_grade,
     start_of,
     stated_start,
@@ -93,6 +95,7 @@ class Question(NamedTuple):
     roughness: float | None = None  # highest theoretical one, Rt [um]
     support: str | None = None  # of the bar: "chuck", "tailstock" or "rigid"
     hardness: float | None = None  # Brinell hardness of the bar [HB]
+    conditions: tuple[str, ...] = ()  # of the cut: keys of ``CONDITIONS``
 
 
 class Window(NamedTuple):
@@ -118,6 +121,7 @@ class Job(NamedTuple):
     evidence: Evidence
     values: dict[str, Any]  # that the catalogue and the question state, by section
     machine: str
+    conditions: tuple[str, ...]  # of the cut
     hardness_stated: bool
     efficiency_assumed: bool
 
@@ -162,7 +166,10 @@ class Job(NamedTuple):
         """Sentences on numbers without a source, and on the user's own that are missing."""
         if not self.material.number and self.material.name != self.material.group.name:
             yield f"{self.material.name} is taken as the usual alloy: its number tells it exactly"
-        if self.start.interrupted:
+        if not self.conditions:
+            names = ", ".join(CONDITIONS)
+            yield f"the cut is smooth, clean, firm and wet: --cut states what it is not ({names})"
+        if self.start.interrupted and "interrupted" not in self.conditions:
             yield (
                 f"the start value of {self.grade} is the maker's for interrupted cuts, as it has "
                 "none of this grade for smooth ones"
@@ -258,6 +265,7 @@ def job_of(question: Question) -> Job:
         evidence=known,
         values=values,
         machine=question.machine,
+        conditions=question.conditions,
         hardness_stated=question.hardness is not None,
         efficiency_assumed=scenario.spindle.efficiency < 1.0 and not efficiency_stated,
     )
@@ -273,12 +281,14 @@ def _start(
     """
     if question.start_speed is None:
         check_grade(material.group, grade)
-        return start_of(material.group, grade)
-    feed = insert.cut.feed.usual
-    if question.feeds is not None:
-        # The box states its start speed at the middle of its own window.
-        feed = sum(question.feeds) / 2
-    return stated_start(question.start_speed, feed, depth)
+        start = start_of(material.group, grade)
+    else:
+        feed = insert.cut.feed.usual
+        if question.feeds is not None:
+            # The box states its start speed at the middle of its own window.
+            feed = sum(question.feeds) / 2
+        start = stated_start(question.start_speed, feed, depth)
+    return for_conditions(start, question.conditions, material.group)
 
 
 def _material(question: Question) -> Material:

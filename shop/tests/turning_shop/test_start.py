@@ -465,6 +465,22 @@ def test_a_cut_beyond_the_catalogue_is_marked_and_explained(
     assert "* outside what was in the catalogue: cutting_speed 309 SFM, but" in printed
 
 
+def test_conditions_of_the_cut_lower_its_speed(capsys: pytest.CaptureFixture[str]) -> None:
+    """Dormer Pramet 2024, p. 76: skin 0.70, interrupted 0.80, unstable 0.85."""
+    question = Question("42CrMo4", "CNMG120408-PM", "P25", BAR, depth=2.0)
+    smooth = job_of(question).start.speed
+    rough = job_of(question._replace(conditions=("interrupted", "skin"))).start
+    assert rough.speed == pytest.approx(0.8 * 0.7 * smooth)
+    # The maker's row of M25 is that of interrupted cuts, and cast iron is cut dry.
+    for material, grade, condition in (("1.4301", "M25", "interrupted"), ("GG25", "K15", "dry")):
+        question = Question(material, "CNMG120408-MM", grade, BAR, depth=2.0)
+        stated = job_of(question._replace(conditions=(condition,))).start
+        assert stated.speed == job_of(question).start.speed
+    words = "--material P6 --tool CNMG120408-PM --grade P25 --stock 80x200 --cut skin unstable"
+    assert main(["advise", *words.split()]) == 0
+    assert "times 0.85 for --cut unstable" in capsys.readouterr().out
+
+
 def test_a_life_beyond_the_catalogues_data_is_not_limited_by_wear(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

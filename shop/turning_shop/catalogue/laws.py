@@ -38,8 +38,6 @@ ASSUMED = (
     f"thrust grows as 1 + {TYPICAL_GROWTH['thrust_force']:g} VB and power as "
     f"1 + {TYPICAL_GROWTH['power']:g} VB, with flank wear VB in mm, as on 13 tools of Vicomtech",
     "the entering angle is near 90 degrees",
-    "the cut is not interrupted and has no skin: else take 0.8 and 0.7 of the speed "
-    "(Dormer Pramet 2024, p. 76)",
 )
 """Assumptions of the laws, as sentences for people."""
 

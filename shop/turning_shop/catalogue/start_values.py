@@ -7,6 +7,7 @@ interval. Speeds at other feeds and depths follow from V f^0.35 ap^0.15 = consta
 
 import math
 import re
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from turning_shop import WorkshopError
@@ -281,6 +282,37 @@ def stated_start(speed: float, feed: float, depth: float) -> Start:
         sources=(f"--start-speed {speed:g} m/min, at {feed:g} mm/rev and {depth:g} mm",),
         assumptions=("the start speed that you state lasts 15 min, within 20 % of speed",),
     )
+
+
+_DORMER = "Dormer Pramet 2024, p. 76"
+CONDITIONS = {
+    "interrupted": (0.80, _DORMER),
+    "skin": (0.70, _DORMER),
+    "unstable": (0.85, _DORMER),
+    "dry": (0.80, "assumption: dry where the maker's speed is with coolant"),
+}
+"""Conditions of a cut: the cutting speed for the same life over that of a smooth one, and why."""
+
+
+def for_conditions(start: Start, conditions: Sequence[str], group: Group) -> Start:
+    """Return a start value for a cut that is not smooth, wet, clean and firm.
+
+    A start value that the maker states for interrupted cuts needs no factor for them. Cast iron is
+    usually cut dry.
+    """
+    sources = list(start.sources)
+    factor = 1.0
+    for condition in conditions:
+        share, source = CONDITIONS[condition]
+        if condition == "interrupted" and start.interrupted:
+            sources.append("for interrupted cuts as the maker states it")
+        elif condition == "dry" and group.letter == "K":
+            sources.append("for dry cuts, as is usual in cast iron")
+        else:
+            factor *= share
+            sources.append(f"times {share:g} for --cut {condition} ({source})")
+    speeds = Range(*(factor * speed for speed in start.speeds))
+    return start._replace(speeds=speeds, speed=factor * start.speed, sources=tuple(sources))
 
 
 STATED_DEVIATION = 0.1
