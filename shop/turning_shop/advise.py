@@ -14,6 +14,7 @@ import numpy as np
 from turning_shop import Values, WorkshopError, aligned
 from turning_shop.allowed import (
     NO_STRENGTH,
+    WIPER_SHARE,
     Allowed,
     allowed_loads,
     bending,
@@ -644,12 +645,17 @@ def extrapolation(evidence: Evidence, best: Plan) -> str:
     return f"* outside what was {evidence.origins}: {'; '.join(beyond)}"
 
 
-def surface(scenario: Scenario, best: Plan) -> str:
-    """Return a sentence on the surface that the nose radius leaves, or on the radius needed."""
+def surface(scenario: Scenario, best: Plan, wiper: bool = False) -> str:
+    """Return a sentence on the surface that nose radius or wiper leave, or on the radius needed."""
     feed = float(best.cuts.feed)
     radius = scenario.tool.nose_radius
     if radius:
         roughness = theoretical_roughness(feed, radius)
+        if wiper:
+            return (
+                f"{feed:.4g} mm/rev, a nose radius of {radius:g} mm and a wiper leave a roughness "
+                f"of about {WIPER_SHARE * roughness:.1f} um, half the theoretical Rt"
+            )
         return (
             f"{feed:.4g} mm/rev and a nose radius of {radius:g} mm leave a theoretical roughness "
             f"Rt of {roughness:.1f} um"

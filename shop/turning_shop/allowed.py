@@ -104,8 +104,12 @@ def theoretical_roughness(feed: float, nose_radius: float) -> float:
     return 1000.0 * feed**2 / (8.0 * nose_radius)
 
 
-def with_roughness(scenario: Scenario, roughness: float) -> Scenario:
-    """Return a scenario that limits the theoretical roughness Rt [um].
+WIPER_SHARE = 0.5
+"""Roughness behind a wiper over the theoretical one [-] (makers' guides: about half)."""
+
+
+def with_roughness(scenario: Scenario, roughness: float, wiper: bool = False) -> Scenario:
+    """Return a scenario that limits the theoretical roughness Rt [um], also behind a wiper.
 
     Raises:
         WorkshopError: The nose radius is not stated.
@@ -113,7 +117,10 @@ def with_roughness(scenario: Scenario, roughness: float) -> Scenario:
     radius = scenario.tool.nose_radius
     if not radius:
         raise WorkshopError("--roughness needs the nose radius: --nose-radius or tool.nose_radius")
-    limit = FeedLimit(coefficient=1.0 / (8.0 * radius), feed=2.0, most=roughness / 1000.0)
+    coefficient = 1.0 / (8.0 * radius)
+    if wiper:
+        coefficient *= WIPER_SHARE
+    limit = FeedLimit(coefficient=coefficient, feed=2.0, most=roughness / 1000.0)
     limits = scenario.limits.model_copy(update={"roughness": limit})
     return scenario.model_copy(update={"limits": limits})
 

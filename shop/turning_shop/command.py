@@ -681,6 +681,7 @@ def _job(options: argparse.Namespace) -> "start.Job | None":
         support=options.support,
         hardness=options.hardness and brinell(options.hardness),
         conditions=tuple(dict.fromkeys(options.cut or ())),
+        entering_angle=options.entering_angle,
     )
     return start.job_of(question)
 
@@ -705,6 +706,7 @@ _CATALOGUE_OPTIONS = (
     "support",
     "hardness",
     "cut",
+    "entering-angle",
     "out",
 )
 """Options of a job without a scenario."""
@@ -725,7 +727,10 @@ def _add_catalogue_options(parser: argparse.ArgumentParser) -> None:
         "--stock",
         type=_stock,
         metavar="DIAMETERxLENGTH",
-        help="diameter and length of cut [mm], or with in after it [inch]: 80x200, 3.15x8in",
+        help=(
+            "diameter and length of cut [mm], or with in after it [inch]: 80x200, 3.15x8in; "
+            "tube:80x60x200 is a tube of 60 mm inner diameter"
+        ),
     )
     add(
         "--depth",
@@ -760,6 +765,12 @@ def _add_catalogue_options(parser: argparse.ArgumentParser) -> None:
         help="hardness of the bar, such as 300HB or 32HRC (default: annealed)",
     )
     add(
+        "--entering-angle",
+        type=number_within(15.0, 120.0, unit="degree"),
+        metavar="X",
+        help="angle of the straight edge to the feed, as the holder states it (default: 90)",
+    )
+    add(
         "--cut",
         nargs="+",
         choices=("interrupted", "skin", "unstable", "dry"),
@@ -772,15 +783,20 @@ def _stock(text: str) -> "start.Stock":
     """Return a bar, as an argparse type."""
     from turning_shop import start
 
-    match = re.fullmatch(r"(?:bar:)?([\d.]+)[xX]([\d.]+)(mm|in)?", text)
-    if match is None:
+    match = re.fullmatch(r"(bar:|tube:)?([\d.]+)(?:[xX]([\d.]+))?[xX]([\d.]+)(mm|in)?", text)
+    is_tube = match is not None and match[1] == "tube:"
+    if match is None or is_tube != bool(match[3]):
         raise argparse.ArgumentTypeError(
-            f"{text!r} is not allowed: DIAMETERxLENGTH in mm, such as 80x200, or 3.15x8in; "
-            "decimals have a point"
+            f"{text!r} is not allowed: DIAMETERxLENGTH in mm, such as 80x200, or 3.15x8in, or a "
+            "tube:OUTERxINNERxLENGTH; decimals have a point"
         )
     within = _millimetres(1.0, 5000.0)
-    unit = match[3] or ""
-    return start.Stock(diameter=within(match[1] + unit), length=within(match[2] + unit))
+    unit = match[5] or ""
+    diameter = within(match[2] + unit)
+    bore = within(match[3] + unit) if is_tube else 0.0
+    if bore >= diameter:
+        raise argparse.ArgumentTypeError(f"{text!r}: the inner diameter is not below the outer one")
+    return start.Stock(diameter=diameter, length=within(match[4] + unit), bore=bore)
 
 
 def _hardness(text: str) -> str:

@@ -79,6 +79,7 @@ class Stock(NamedTuple):
 
     diameter: float  # at which it is turned [mm]
     length: float  # of cut [mm]
+    bore: float = 0.0  # inner diameter of a tube [mm]; 0: solid
 
 
 class Question(NamedTuple):
@@ -96,6 +97,7 @@ class Question(NamedTuple):
     support: str | None = None  # of the bar: "chuck", "tailstock" or "rigid"
     hardness: float | None = None  # Brinell hardness of the bar [HB]
     conditions: tuple[str, ...] = ()  # of the cut: keys of ``CONDITIONS``
+    entering_angle: float | None = None  # of the straight edge to the feed [degree]
 
 
 class Window(NamedTuple):
@@ -122,6 +124,8 @@ class Job(NamedTuple):
     values: dict[str, Any]  # that the catalogue and the question state, by section
     machine: str
     conditions: tuple[str, ...]  # of the cut
+    bore: float  # of a tube [mm]; 0: solid
+    angle_stated: bool
     hardness_stated: bool
     efficiency_assumed: bool
 
@@ -174,6 +178,11 @@ class Job(NamedTuple):
                 f"the start value of {self.grade} is the maker's for interrupted cuts, as it has "
                 "none of this grade for smooth ones"
             )
+        if not self.angle_stated and not self.insert.is_round:
+            yield (
+                f"the entering angle is {USUAL_ENTERING_ANGLE:g} degrees: --entering-angle states "
+                "another"
+            )
         yield from self.start.assumptions
         yield from self.insert.assumptions
         yield from self.window.assumptions
@@ -218,15 +227,31 @@ def job_of(question: Question) -> Job:
         depth = min(insert.cut.depth.usual, insert.max_depth)
         assumptions = (f"no --depth is given: {depth:.3g} mm, the usual one of its chip breaker",)
     start = _start(question, material, insert=insert, grade=grade, depth=depth)
-    window = _window(question, material, insert=insert, start=start, machine=machine, stated=stated)
-    _check_depth(depth, insert, stock=question.stock)
+    window = _window(
+        question,
+        material,
+        insert=insert,
+        start=start,
+        depth=depth,
+        machine=machine,
+        stated=stated,
+    )
+    sine = _entering_sine(question, insert, depth)
+    _check_depth(depth, insert, sine=sine, stock=question.stock)
 
-    fitted = laws.material_of(material.group, start, machine.tool.wear_criterion)
+    fitted = laws.material_of(
+        material.group, start, machine.tool.wear_criterion, entering_sine=sine
+    )
     evidence_laws = laws.evidence_of(
         fitted, material.group, start, feeds=window.feeds, depths=window.depths
     )
     values = _values(question, insert=insert, window=window, depth=depth)
-    values["workpiece"]["elastic_modulus"] = material.group.modulus
+    # The bar's second moment of area is that of a solid one: a tube gets a smaller modulus.
+    hollow = question.stock.bore / question.stock.diameter
+    values["workpiece"]["elastic_modulus"] = (1.0 - hollow**4) * material.group.modulus
+    # The more the edge leans, the more of the thrust is radial.
+    radial_share = max(machine.workpiece.radial_share, math.sqrt(1.0 - sine**2))
+    values["workpiece"]["radial_share"] = radial_share
     if question.support:
         values["workpiece"]["support"] = question.support
     elif "workpiece.support" not in stated:
@@ -241,7 +266,7 @@ def job_of(question: Question) -> Job:
     name = f"{material.name}_{insert.name}_{grade.name}"
     scenario = _scenario(name, machine, stated=stated, values=values)
     if question.roughness is not None:
-        scenario = with_roughness(scenario, question.roughness)
+        scenario = with_roughness(scenario, question.roughness, wiper=insert.cut.wiper)
         roughness = scenario.limits.roughness.model_dump(exclude_defaults=True)
         values["limits"]["roughness"] = roughness
     efficiency_stated = "spindle.efficiency" in stated
@@ -266,6 +291,8 @@ def job_of(question: Question) -> Job:
         values=values,
         machine=question.machine,
         conditions=question.conditions,
+        bore=question.stock.bore,
+        angle_stated=question.entering_angle is not None,
         hardness_stated=question.hardness is not None,
         efficiency_assumed=scenario.spindle.efficiency < 1.0 and not efficiency_stated,
     )
@@ -345,15 +372,29 @@ def _scenario(name: str, machine: Scenario, stated: set[str], values: dict[str, 
     return Scenario.load({"name": allowed_name} | job_values)
 
 
-def _check_depth(depth: float, insert: Insert, stock: Stock) -> None:
+USUAL_ENTERING_ANGLE = 90.0  # if none is stated [degree] (assumption)
+
+
+def _entering_sine(question: Question, insert: Insert, depth: float) -> float:
+    """Return the sine of the entering angle of a question's tool [-]."""
+    angle = question.entering_angle or USUAL_ENTERING_ANGLE
+    return insert.entering_sine(angle, depth)
+
+
+def _check_depth(depth: float, insert: Insert, sine: float, stock: Stock) -> None:
+    wall = (stock.diameter - stock.bore) / 2.0
+    if stock.bore and depth >= wall:
+        raise WorkshopError(f"--depth {depth:g} mm cuts through the tube's wall of {wall:g} mm")
     if 2.0 * depth >= stock.diameter:
         raise WorkshopError(
             f"--depth {depth:g} mm reaches the axis of a bar of {stock.diameter:g} mm diameter"
         )
-    if depth > insert.max_depth:
+    # The edge is in the cut over depth / sine; a round one is bounded by its diameter.
+    max_depth = insert.max_depth if insert.is_round else sine * insert.max_depth
+    if depth > max_depth:
         raise WorkshopError(
             f"--depth {depth:g} mm is too deep for {insert.name}: its edge of "
-            f"{insert.edge_length:.1f} mm cuts up to {insert.max_depth:.1f} mm; "
+            f"{insert.edge_length:.1f} mm cuts up to {max_depth:.1f} mm; "
             "take more passes or a larger insert"
         )
 
@@ -373,12 +414,14 @@ def _window(
     *,
     insert: Insert,
     start: Start,
+    depth: float,
     machine: Scenario,
     stated: set[str],
 ) -> Window:
     """Return where insert, grade and machine allow cuts."""
     speeds = _speeds(question, start, machine=machine, stated=stated)
-    feeds = _feeds(question, material, insert=insert, machine=machine, stated=stated)
+    sine = _entering_sine(question, insert, depth)
+    feeds = _feeds(question, material, insert=insert, sine=sine, machine=machine, stated=stated)
     assumptions = speeds.assumptions + feeds.assumptions
     low_depth, high_depth = insert.depths
     if question.depth is not None and not low_depth <= question.depth <= high_depth:
@@ -427,13 +470,25 @@ def _speeds(question: Question, start: Start, machine: Scenario, stated: set[str
     )
 
 
+def _feeds_of_insert(insert: Insert, sine: float) -> tuple[float, float]:
+    """Return the feeds of a chip breaker [mm/rev], for chips as thick as at 90 degrees."""
+    low, high = insert.feeds
+    return low / sine, high / sine
+
+
 def _feeds(
-    question: Question, material: Material, *, insert: Insert, machine: Scenario, stated: set[str]
+    question: Question,
+    material: Material,
+    *,
+    insert: Insert,
+    sine: float,
+    machine: Scenario,
+    stated: set[str],
 ) -> _Span:
     """Return the feeds of insert and material that the machine has [mm/rev]."""
     ends = {"machine.feed_min", "machine.feed_max"}
     assumptions: tuple[str, ...] = ()
-    low, high = question.feeds or insert.feeds
+    low, high = question.feeds or _feeds_of_insert(insert, sine)
     by_material = feeds_of(material.group)
     if by_material and question.feeds is None:
         # Feeds that the chip breaker and the material both allow. If the chip breaker's window
@@ -498,7 +553,7 @@ def _highest_feed(question: Question, insert: Insert) -> float:
     tool = {"nose_radius": insert.nose_radius}
     scenario = Scenario.load({"machine": {"feed_max": 10.0}, "tool": tool})
     if question.roughness is not None:
-        scenario = with_roughness(scenario, question.roughness)
+        scenario = with_roughness(scenario, question.roughness, wiper=insert.cut.wiper)
     return feed_ends(scenario)[0].feed
 
 
@@ -728,9 +783,10 @@ def _answer(job: Job, advice: list[Advice]) -> Iterator[str]:
         yield bound_sentence(bound._replace(limit=bound.limit + owner), prices.unit)
     work = scenario.workpiece
     yield from overload_risk(scenario, job.evidence, advice[0])
-    yield surface(scenario, advice[0].plan)
+    yield surface(scenario, advice[0].plan, wiper=job.insert.cut.wiper)
+    tube = f"a tube of {job.bore:g} mm inner diameter, " if job.bore else ""
     yield (
-        f"{work.diameter:g} mm diameter, {work.bar_length:g} mm long; "
+        f"{work.diameter:g} mm diameter, {tube}{work.bar_length:g} mm long; "
         f"a minute costs {prices.minute:.3g} {prices.unit}, an edge {prices.edge:.3g} "
         f"{prices.unit}; a change takes {prices.change_time:g} min"
     )

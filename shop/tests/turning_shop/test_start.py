@@ -4,6 +4,7 @@ Tests of ``python -m turning_shop advise --material ...``.
 """
 
 import json
+import math
 import shlex
 import shutil
 from pathlib import Path
@@ -420,7 +421,6 @@ def test_the_speed_of_the_box_makes_any_grade_of_the_table_usable() -> None:
         ("CNMG130408", "did you mean 12"),
         ("XNMG120408", "shape X is not known"),
         ("CNMG120400", "nose radius is 0"),
-        ("RCMT1204M0", "round inserts are not covered"),
     ],
 )
 def test_a_wrong_designation_says_what_is_right(text: str, message: str) -> None:
@@ -479,6 +479,61 @@ def test_conditions_of_the_cut_lower_its_speed(capsys: pytest.CaptureFixture[str
     words = "--material P6 --tool CNMG120408-PM --grade P25 --stock 80x200 --cut skin unstable"
     assert main(["advise", *words.split()]) == 0
     assert "times 0.85 for --cut unstable" in capsys.readouterr().out
+
+
+def test_a_leaning_edge_makes_the_chip_thinner() -> None:
+    """Kienzle: at 45 degrees the force grows by sin(45)^-mc, the thickness falls by sin(45)."""
+    question = Question("42CrMo4", "SNMG120408-PM", "P25", BAR, depth=2.0)
+    upright = job_of(question)
+    leaning = job_of(question._replace(entering_angle=45.0))
+    cut = (150.0, 0.3)
+    powers = [what_if(job.scenario, *cut, wear=0.0).power for job in (upright, leaning)]
+    assert powers[1] / powers[0] == pytest.approx(0.5**-0.12)
+    lives = [what_if(job.scenario, *cut, wear=0.1).tool_life for job in (upright, leaning)]
+    # V f^0.35 ap^0.15 = constant, with n = 0.25: the thin chip counts more than the long edge.
+    assert lives[1] / lives[0] == pytest.approx(0.5 ** (-0.5 * (0.35 - 0.15) / 0.25))
+    assert leaning.window.feeds[0] == pytest.approx(0.2 * math.sqrt(2.0))
+    assert leaning.scenario.workpiece.radial_share == pytest.approx(0.707, abs=0.01)
+
+
+def test_a_round_insert_has_the_mean_angle_of_its_arc() -> None:
+    """A depth of half the radius: 60 degrees of arc, so that the sine is 0.5 / (pi / 3)."""
+    insert = read_insert("RCMT1204M0")
+    assert insert.nose_radius == 6.0
+    assert insert.entering_sine(90.0, depth=3.0) == pytest.approx(0.5 / (math.pi / 3.0))
+    question = Question("42CrMo4", "RCMT1204M0", "P25", BAR, depth=2.0)
+    assert job_of(question).scenario.workpiece.radial_share > 0.9
+    with pytest.raises(WorkshopError, match=r"cuts up to 3\.0 mm"):
+        job_of(question._replace(depth=4.0))
+
+
+def test_a_wiper_halves_the_roughness(capsys: pytest.CaptureFixture[str]) -> None:
+    words = "--material 42CrMo4 --grade P25 --stock 80x200 --depth 2 --roughness 10 --tool"
+    feeds = []
+    for tool in ("CNMG120408-PM", "CNMG120408-WMX"):
+        assert main(["advise", *words.split(), tool]) == 0
+        printed = capsys.readouterr().out
+        feeds.append(float(printed.split(" mm/rev")[0].split()[-1]))
+    # Rt = f^2 / (8 r), so that half of it allows a feed greater by the root of 2.
+    assert feeds[1] / feeds[0] == pytest.approx(math.sqrt(2.0), rel=0.01)
+    assert "a wiper leave a roughness of about 10.0 um" in printed
+
+
+def test_a_tube_bends_more_and_has_a_wall(capsys: pytest.CaptureFixture[str]) -> None:
+    """The second moment of area of a tube is 1 - (d / D)^4 that of a bar."""
+    question = Question("42CrMo4", "CNMG120408-PM", "P25", BAR, depth=2.0)
+    tube = question._replace(stock=BAR._replace(bore=60.0))
+    moduli = [job_of(each).scenario.workpiece.elastic_modulus for each in (question, tube)]
+    assert moduli[1] / moduli[0] == pytest.approx(1.0 - 0.75**4)
+    with pytest.raises(WorkshopError, match="wall of 2 mm"):
+        job_of(question._replace(stock=BAR._replace(bore=76.0)))
+    words = "--material 42CrMo4 --tool CNMG120408-PM --grade P25 --depth 2 --stock"
+    assert main(["advise", *words.split(), "tube:80x60x200"]) == 0
+    assert "a tube of 60 mm inner diameter" in capsys.readouterr().out
+    for stock in ("tube:60x80x200", "tube:80x200", "80x60x200"):
+        with pytest.raises(SystemExit):
+            main(["advise", *words.split(), stock])
+        assert "inner" in capsys.readouterr().err.lower()
 
 
 def test_a_life_beyond_the_catalogues_data_is_not_limited_by_wear(

@@ -37,9 +37,12 @@ SHAPES = {
     "S": _Shape("square", 4, 1.0, usable=2 / 3),
     "T": _Shape("triangular", 3, math.sqrt(3.0), usable=1 / 2),
     "W": _Shape("trigon, 80 degrees", 3, 0.6844, usable=1 / 2),
+    # A round insert is turned four times; it cuts up to a quarter of its diameter deep.
+    "R": _Shape("round", 4, 1.0, usable=1 / 4),
 }
 """Shapes by their letter. ``usable``: assumption, the rule of thumb of makers' guides."""
 _CIRCLES = (3.97, 4.76, 5.56, 6.35, 7.94, 9.525, 12.7, 15.875, 19.05, 25.4, 31.75)
+_ROUND = (5.0, 6.0, 8.0, 10.0, 12.0, 16.0, 20.0, 25.0, 32.0)  # metric diameters, as in RCMT1204M0
 DOUBLE_SIDED = "GANFUQJC"
 """Letters of inserts whose both faces have edges, if their clearance angle is 0 (N)."""
 
@@ -101,6 +104,25 @@ class Insert(NamedTuple):
         return self.cut.depth.low, min(self.cut.depth.high, self.max_depth)
 
     @property
+    def is_round(self) -> bool:
+        """Whether the edge is a circle."""
+        return self.shape is SHAPES["R"]
+
+    def entering_sine(self, angle: float, depth: float) -> float:
+        """Return the sine of the entering angle [-]: depth of cut over length of edge in the cut.
+
+        Args:
+            angle: of the straight edge to the feed [degree].
+            depth: of cut [mm], on which the mean angle of a round insert depends.
+        """
+        if not self.is_round:
+            return math.sin(math.radians(angle))
+        radius = self.nose_radius
+        depth = min(depth, radius)
+        length = radius * math.acos(1.0 - depth / radius)
+        return depth / length
+
+    @property
     def max_depth(self) -> float:
         """Largest depth of cut that the edge's length allows [mm]."""
         return self.shape.usable * self.edge_length
@@ -113,15 +135,10 @@ def read_insert(text: str) -> Insert:
         WorkshopError: It is no designation of an insert for turning; the message says what is.
     """
     plain = re.sub(r"\s", "", text.upper())
-    if re.match(r"R[A-Z]{3}\d", plain):
-        raise WorkshopError(
-            f"--tool {text}: round inserts are not covered, as their chip is thinner than the "
-            "feed: measure cuts, and use calibrate"
-        )
     compact = re.sub(r"^([A-Z]{4})[-_/]", r"\1", plain)
     if match := _ISO.fullmatch(compact):
         circle = _circle(text, shape_of(text, match[1]), match[1], match[5])
-        radius = int(match[7]) / 10.0
+        radius = 0.0 if match[7] == "M0" else int(match[7]) / 10.0
     elif match := _ANSI.fullmatch(compact):
         circle = int(match[5]) / 8.0 * INCH
         radius = round(float(match[7]) / 64.0 * INCH, 1)
@@ -132,6 +149,8 @@ def read_insert(text: str) -> Insert:
             "digits each; then the maker's chip breaker), nor of ANSI, such as CNMG432"
         )
     shape = shape_of(text, match[1])
+    if match[1] == "R":
+        radius = circle / 2.0
     if radius == 0.0:
         raise WorkshopError(f"--tool {text}: the nose radius is 0, of a sharp insert")
     if circle == 0.0:
@@ -188,7 +207,7 @@ def _circle(text: str, shape: _Shape, letter: str, code: str) -> float:
     The digits are the length of the edge in whole millimetres, without decimals.
     """
     circles = {}
-    for circle in _CIRCLES:
+    for circle in _ROUND if letter == "R" else _CIRCLES:
         edge = int(shape.edge_per_circle * circle)
         circles[f"{edge:02d}"] = circle
     if code not in circles:

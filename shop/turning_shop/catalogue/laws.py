@@ -37,17 +37,24 @@ ASSUMED = (
     f"flank wear grows with the root of time, W ~ t^{WEAR_EXPONENT:g}",
     f"thrust grows as 1 + {TYPICAL_GROWTH['thrust_force']:g} VB and power as "
     f"1 + {TYPICAL_GROWTH['power']:g} VB, with flank wear VB in mm, as on 13 tools of Vicomtech",
-    "the entering angle is near 90 degrees",
 )
 """Assumptions of the laws, as sentences for people."""
 
 
-def material_of(group: Group, start: Start, wear_criterion: float) -> Material:
-    """Return the laws of a group at a start value, worn out at a flank wear [mm]."""
+def material_of(
+    group: Group, start: Start, wear_criterion: float, entering_sine: float = 1.0
+) -> Material:
+    """Return the laws of a group at a start value, worn out at a flank wear [mm].
+
+    With the sine s of the entering angle, the chip is f s thick and ap / s wide: Kienzle's force
+    kc1.1 ap f^(1 - mc) grows by s^-mc, the share of thrust by the thinner chip, and V f^x ap^y
+    keeps its constant with the thickness and the width of the chip.
+    """
     force_feed = 1.0 - group.mc
+    by_thin_chip = entering_sine**-group.mc
     power = _worn(
         PowerLaw(
-            coefficient=group.kc11 / 60_000.0,  # N/mm2 mm2 m/min to kW
+            coefficient=by_thin_chip * group.kc11 / 60_000.0,  # N/mm2 mm2 m/min to kW
             cutting_speed=1.0,
             feed=force_feed,
             depth_of_cut=1.0,
@@ -58,9 +65,10 @@ def material_of(group: Group, start: Start, wear_criterion: float) -> Material:
     )
     share = thrust.share_of(group).value
     at_unit_cut = (thrust.REFERENCE_FEED * thrust.REFERENCE_DEPTH) ** thrust.THINNING
+    share_of_thin_chip = entering_sine**-thrust.THINNING
     thrust_force = _worn(
         PowerLaw(
-            coefficient=share * at_unit_cut * group.kc11,
+            coefficient=share * share_of_thin_chip * at_unit_cut * by_thin_chip * group.kc11,
             feed=force_feed - thrust.THINNING,
             depth_of_cut=1.0 - thrust.THINNING,
             reference_depth_of_cut=1.0,
@@ -69,7 +77,7 @@ def material_of(group: Group, start: Start, wear_criterion: float) -> Material:
         growth=TYPICAL_GROWTH["thrust_force"],
     )
     return Material(
-        wear=wear_law(start.speed, TAYLOR, wear_criterion),
+        wear=wear_law(start.speed, TAYLOR, wear_criterion, entering_sine=entering_sine),
         thrust_force=thrust_force,
         power=power,
     )
@@ -81,7 +89,11 @@ def _worn(law: PowerLaw, growth: float) -> PowerLaw:
 
 
 def wear_law(
-    speed: float, taylor: float, wear_criterion: float, feed_exponent: float = FEED_EXPONENT
+    speed: float,
+    taylor: float,
+    wear_criterion: float,
+    feed_exponent: float = FEED_EXPONENT,
+    entering_sine: float = 1.0,
 ) -> PowerLaw:
     """Return the law of wear whose edge is worn out after ``LIFE`` at a speed.
 
@@ -95,6 +107,7 @@ def wear_law(
         - by_speed * math.log(speed)
         - by_feed * math.log(REFERENCE_FEED)
         - WEAR_EXPONENT * math.log(start_values.LIFE)
+        + (by_feed - by_speed * DEPTH_EXPONENT) * math.log(entering_sine)
     )
     return PowerLaw(
         coefficient=math.exp(log_coefficient),
