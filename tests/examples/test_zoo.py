@@ -2,13 +2,15 @@
 
 import sys
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
 
 from turning_env import ALL_IDS, FAMILY_ID
 
-pytest.importorskip("rl_zoo3")
+# The zoo changes Gymnasium's TimeLimit when it is imported, so only the slow tests import it.
+pytestmark = pytest.mark.skipif(find_spec("rl_zoo3") is None, reason="rl_zoo3 is not installed")
 
 TRAININGS = [("ppo", env_id) for env_id in ALL_IDS]
 TRAININGS += [("sac", FAMILY_ID), ("tqc", "RoughTurning-v0")]

@@ -136,6 +136,8 @@ def test_bad_arguments_are_refused(arguments, message):
 
 
 def assert_same_infos(infos, expected):
+    # rl-baselines3-zoo, which other tests import, lets Gymnasium's TimeLimit add an entry.
+    expected = {key: values for key, values in expected.items() if "TimeLimit" not in key}
     assert infos.keys() == expected.keys()
     for key, values in expected.items():
         if isinstance(values, dict):
