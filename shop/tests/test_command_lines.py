@@ -13,9 +13,8 @@ OF_SHOP = ["calibrate", "predict", "whatif", "tools", "advise", "map", "program"
 COMMANDS = [
     *command_modules(ROOT / "shop", PACKAGES),
     *[f"turning_shop {name}" for name in OF_SHOP],
-    "turning_control serve",
     "turning_control log",
-    "turning_control opcua",
+    "turning_control drive",
 ]
 
 MISTAKES = {
@@ -29,8 +28,7 @@ MISTAKES = {
     "turning_shop nothing": "nothing",
     "turning_control nothing": "nothing",
     "turning_control demo --scenario nothing": "nothing",
-    "turning_control serve --policy nothing": "nothing",
-    "turning_control shield --env nothing": "nothing",
+    "turning_control drive --policy nothing": "nothing",
     # A folder in place of a file.
     "turning_shop calibrate . --out made.toml": ".",
     "turning_shop program . --scenario rough_turning": ".",
@@ -47,14 +45,14 @@ MISTAKES = {
         "give mm, such as 2.5, or inch, such as 0.08in"
     ),
     "turning_shop advise forging --seeds -1": "-1",
-    "turning_control shield --target x": "x",
-    "turning_control attack --candidates 0": "0",
+    "turning_control demo --bars 0": "0",
     # Options that are missing, or do not go together.
     "turning_shop whatif forging --cutting-speed 100 --feed 0.3": "--wear",
     "turning_shop whatif forging --cutting-speed 100 --feed 0.3 --wear 0.2 --time 1": "--time",
     "turning_shop program nothing.mpf --scenario rough_turning --tool T1": "T1",
     "turning_shop map forging --wear 0.2 --out made.txt": "made.txt",
-    "turning_control opcua --policy programmed": "--url",
+    "turning_control drive": "--policy",
+    "turning_control drive --policy programmed --nodes nodes.toml": "--url",
 }
 """What the error must contain, by the command line with a mistake."""
 

@@ -15,7 +15,7 @@ pytestmark = pytest.mark.slow
         ("scipy", "turning_shop calibrate shop/examples/cuts.csv --out FILE"),
         (
             "asyncua",
-            "turning_control opcua --url opc.tcp://127.0.0.1:1 --nodes FILE --policy programmed",
+            "turning_control drive --url opc.tcp://127.0.0.1:1 --nodes FILE --policy programmed",
         ),
     ],
 )

@@ -1,8 +1,8 @@
-"""Guard policies, and run them on a real control.
+"""Record a machine, and drive it by a policy behind the shield.
 
-python -m turning_control shield
-python -m turning_control demo
 python -m turning_control log opc.tcp://192.0.2.1:4840 --out log.csv
+python -m turning_control demo
+python -m turning_control drive --policy programmed --url opc.tcp://lathe --nodes nodes.toml
 """
 
 import argparse
@@ -10,31 +10,18 @@ import logging
 import signal
 import sys
 from collections.abc import Callable
-from dataclasses import asdict
 from pathlib import Path
 
-from turning_control import adversary, linuxcnc, measure, opcua
+from turning_control import linuxcnc, opcua
 from turning_control.core import Controller, on_control, safe_feed
 from turning_control.linuxcnc import LinuxCncError, find_policy
 from turning_control.machine_log import command as machine_log
 from turning_control.security_options import add_security, security_of
-from turning_control.shield import LOG, Settings
+from turning_control.shield import LOG
 from turning_control.streams import standard_streams_taken
 
-from turning_env import IDS
-from turning_env.console import (
-    Parser,
-    UserError,
-    described,
-    exits,
-    number_within,
-    positive,
-    print_json,
-)
+from turning_env.console import Parser, UserError, described, exits, positive
 from turning_env.scenario import Scenario
-
-# Tasks with an action per step, which the shield guards.
-TASKS = [env_id for env_id in IDS if env_id != "RoughTurning-Batch-v0"]
 
 ANSWERED = 0.8  # share of a control interval within which a policy's process must answer [-]
 
@@ -51,22 +38,20 @@ def main(arguments: list[str] | None = None) -> int:
         subparser.set_defaults(run=run)
         return subparser
 
-    _add_shield(command("shield", _shield, "measure the shield in simulation"))
-    _add_attack(command("attack", _attack, "search for policies that get past the shield"))
-    demo = command("demo", _demo, "run policies through LinuxCNC")
-    serve = command("serve", _serve, "answer a HAL component's pins with a policy")
-    linked = command("opcua", _opcua, "drive a control that serves OPC UA")
     machine_log.add_log_options(
         command("log", machine_log.log, "record a machine, read-only: OPC UA, MTConnect, LinuxCNC")
     )
     machine_log.add_cuts_options(
         command("cuts", machine_log.find, "write the cuts of a record into a sheet for calibrate")
     )
+    drive = command("drive", _drive, "drive a control: OPC UA, or LinuxCNC's pins")
+    demo = command("demo", _demo, "run policies through LinuxCNC")
     plant = command("plant", _plant, "answer a HAL component's pins in place of a lathe")
 
     demo.add_argument(
         "--policies",
         nargs="+",
+        default=["programmed", "modified_fuzzy_override"],
         metavar="POLICY",
         help="programmed, a rule's name, module:object that you trust, or ONNX files",
     )
@@ -77,82 +62,27 @@ def main(arguments: list[str] | None = None) -> int:
         metavar="N",
         help="bars per policy (default: %(default)s)",
     )
-    _add_policy(serve)
-    _add_policy(linked)
-    linked.add_argument(
+    _add_policy(drive)
+    drive.add_argument(
         "--url",
-        required=True,
         metavar="URL",
-        help="URL of the control's server, such as opc.tcp://192.0.2.1:4840",
+        help="URL of the control's server, such as opc.tcp://192.0.2.1:4840 (default: HAL pins)",
     )
-    linked.add_argument(
-        "--nodes", type=Path, required=True, metavar="FILE", help="TOML file that names the nodes"
+    drive.add_argument(
+        "--nodes", type=Path, metavar="FILE", help="TOML file that names the server's nodes"
     )
-    add_security(linked)
+    add_security(drive)
     plant.add_argument(
         "--log", type=Path, required=True, metavar="CSV", help="file for every cycle"
     )
     _add_seed(demo)
     _add_seed(plant)
     _add_scenario(demo)
-    _add_scenario(serve)
-    _add_scenario(linked)
+    _add_scenario(drive)
     _add_scenario(plant)
 
     options = parser.parse_args(arguments)
     return exits(ValueError, LinuxCncError, KeyError, OSError)(options.run)(options)
-
-
-def _add_shield(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--episodes",
-        type=positive,
-        default=1000,
-        metavar="N",
-        help="held-out seeds per task (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--env", nargs="+", choices=TASKS, default=TASKS, metavar="ID", help="tasks (default: all)"
-    )
-    parser.add_argument(
-        "--agents",
-        type=Path,
-        default=Path("agents"),
-        metavar="FOLDER",
-        help="agents (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--target",
-        type=number_within(0.1, 2, "-"),
-        default=Settings.target,
-        metavar="X",
-        help="expected load over its limit that is allowed (default: %(default)s)",
-    )
-    parser.add_argument("--json", action="store_true", help="print JSON")
-
-
-def _add_attack(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--env", choices=TASKS, default=TASKS[0], metavar="ID", help="task (default: %(default)s)"
-    )
-
-    def add_number(name: str, default: int, text: str) -> None:
-        parser.add_argument(
-            name, type=positive, default=default, metavar="N", help=f"{text} (default: %(default)s)"
-        )
-
-    add_number("--candidates", 40, "adversaries per generation")
-    add_number("--generations", 4, "generations")
-    add_number("--episodes", 12, "tuning seeds that each adversary plays")
-    add_number("--worst", 5, "adversaries to report")
-    parser.add_argument(
-        "--held-out",
-        type=int,
-        default=0,
-        metavar="N",
-        help="held-out seeds that these play as well (default: %(default)s)",
-    )
-    parser.add_argument("--json", action="store_true", help="print JSON")
 
 
 def _add_policy(parser: argparse.ArgumentParser) -> None:
@@ -184,49 +114,6 @@ def _add_scenario(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def _shield(options: argparse.Namespace) -> int:
-    """Play random actions and the best shipped agent of every task, with and without the shield.
-
-    python -m turning_control shield
-    python -m turning_control shield --env RoughTurning-v0 --episodes 4 --json
-    """
-    LOG.setLevel(logging.ERROR)  # takeovers are counted
-    settings = Settings(target=options.target)
-    results = list(measure.rows(options.env, options.episodes, options.agents, settings))
-    if options.json:
-        print_json([result._asdict() for result in results])
-    else:
-        print(measure.table(results))
-    return 0
-
-
-def _attack(options: argparse.Namespace) -> int:
-    """Search for policies that exceed limits most behind the shield.
-
-    The search plays tuning seeds. The worst policies then play held-out seeds.
-
-    python -m turning_control attack --held-out 256
-    python -m turning_control attack --env RoughTurning-Shift-v0 --candidates 12 --generations 1
-    """
-    if options.held_out < 0:
-        raise UserError(f"--held-out is {options.held_out}, but must be 0 or more")
-    LOG.setLevel(logging.ERROR)  # takeovers are counted
-    scenario = Scenario.load(IDS[options.env])
-    budget = adversary.Budget(
-        candidates=options.candidates,
-        generations=options.generations,
-        episodes=options.episodes,
-        worst=options.worst,
-        held_out=options.held_out,
-    )
-    attacks = list(adversary.attack(options.env, scenario, budget, Settings()))
-    if options.json:
-        print_json([asdict(attack) for attack in attacks])
-    else:
-        print(adversary.table(attacks))
-    return 0
-
-
 def _demo(options: argparse.Namespace) -> int:
     """Start LinuxCNC without a screen or hardware, and run policies on the same bars.
 
@@ -238,7 +125,7 @@ def _demo(options: argparse.Namespace) -> int:
     scenario = Scenario.load(options.scenario)
     safe_share = safe_feed(scenario)
     comparisons = {}
-    for policy in options.policies or _demo_policies():
+    for policy in options.policies:
         print(f"{policy} ...", file=sys.stderr)
         rows = linuxcnc.run(
             policy,
@@ -261,40 +148,26 @@ def _demo(options: argparse.Namespace) -> int:
     return 0
 
 
-def _demo_policies() -> list[str]:
-    """Return the part program's feed, and the best rule and the best agent of the override."""
-    policies = ["programmed"]
-    agent = measure.best_agent("RoughTurning-Override-v1", Path("agents"))
-    if agent is not None:
-        policies += ["modified_fuzzy_override", str(agent)]
-    return policies
+def _drive(options: argparse.Namespace) -> int:
+    """Read a control and command its feed, behind the shield, until interrupted.
 
+    With --url, a server of OPC UA is read and commanded; in the end the safe feed holds. Without,
+    lines of LinuxCNC's pins (JSON) are answered, for which hal_bridge.py starts this command.
 
-def _serve(options: argparse.Namespace) -> int:
-    """Answer lines of pins (JSON) with lines of commands; ``hal_bridge.py`` starts this.
-
-    python -m turning_control serve --policy programmed --scenario override
+    python -m turning_control drive --policy programmed --url opc.tcp://lathe --nodes nodes.toml
+    python -m turning_control drive --policy programmed --scenario override
     """
+    if (options.url is None) != (options.nodes is None):
+        raise UserError("--url and --nodes belong together")
     scenario = _logged(options)
     deadline = ANSWERED * scenario.control.interval
-    with standard_streams_taken() as streams:  # before a policy is loaded, which may print
-        policy = find_policy(options.policy, scenario, deadline)
-        linuxcnc.serve(on_control(scenario), policy, linuxcnc.Pins(*streams))
-    return 0
-
-
-def _opcua(options: argparse.Namespace) -> int:
-    """Read a control's nodes and command its feed over OPC UA until interrupted.
-
-    Then the safe feed holds.
-
-    python -m turning_control opcua --policy programmed --url opc.tcp://lathe --nodes nodes.toml
-    """
-    scenario = _logged(options)
-    policy = find_policy(options.policy, scenario, deadline=ANSWERED * scenario.control.interval)
-    controller = Controller(on_control(scenario), policy)
+    if options.url is None:
+        with standard_streams_taken() as streams:  # before a policy is loaded, which may print
+            policy = find_policy(options.policy, scenario, deadline)
+            linuxcnc.serve(on_control(scenario), policy, linuxcnc.Pins(*streams))
+        return 0
     opcua.drive(
-        controller,
+        Controller(on_control(scenario), find_policy(options.policy, scenario, deadline)),
         options.url,
         nodes=options.nodes,
         interval=scenario.control.interval,

@@ -32,7 +32,6 @@ from turning_control.core import (
     on_control,
     safe_feed,
 )
-from turning_control.measure import markdown
 from turning_control.plant import Plant
 from turning_control.policy_process import in_own_process, loads_code_or_a_file
 from turning_control.readings import (
@@ -324,7 +323,7 @@ def run(
         log = folder / "log.csv"
         _write_lathe(folder, loaded)
         (folder / "bars.ngc").write_text(program(loaded, bars))
-        serving = ["serve", "--policy", policy, "--scenario", scenario]
+        serving = ["drive", "--policy", policy, "--scenario", scenario]
         planting = ["plant", "--seed", str(seed), "--log", str(log), "--scenario", scenario]
         plans: dict[str, dict[str, Any]] = {
             "turning": _controller_plan(loaded, serving),
@@ -587,7 +586,8 @@ def table(comparisons: Mapping[str, Comparison]) -> str:
     for name, comparison in comparisons.items():
         rows.append((name, "LinuxCNC", *_cells(comparison.linuxcnc)))
         rows.append((name, "simulation", *_cells(comparison.simulation)))
-    return markdown(heads, rows)
+    lines = [heads, ["---"] * len(heads), *rows]
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
 
 
 def _cells(figures: Figures) -> list[str]:

@@ -316,7 +316,7 @@ def policy(observations):
 @pytest.mark.skipif(sys.platform == "win32", reason="the C library is found otherwise")
 def test_output_of_a_policy_is_no_answer(tmp_path: Path) -> None:
     (tmp_path / "prints.py").write_text(PRINTS)
-    command = [sys.executable, "-m", "turning_control", "serve"]
+    command = [sys.executable, "-m", "turning_control", "drive"]
     command += ["--policy", "prints:policy", "--scenario", "override"]
     pins = {
         "spindle-speed": 700.0,
@@ -454,7 +454,7 @@ def test_the_simulated_figures_are_those_of_the_documentation() -> None:
 
 
 # Parts of the command lines of processes that belong to the demo.
-DEMO = ("hal_bridge.py", "panel.py", "turning_control serve", "milltask", "rtapi_app")
+DEMO = ("hal_bridge.py", "panel.py", "turning_control drive", "milltask", "rtapi_app")
 
 
 def running(names: tuple[str, ...] = DEMO) -> list[str]:

@@ -423,7 +423,7 @@ def test_without_a_password_or_a_terminal_a_user_is_a_mistake(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.delenv(PASSWORD, raising=False)
-    words = "opcua --policy programmed --url opc.tcp://127.0.0.1:1 --nodes nodes.toml --user turner"
+    words = "drive --policy programmed --url opc.tcp://127.0.0.1:1 --nodes nodes.toml --user turner"
     assert main(words.split()) == 2
 
 

@@ -1,24 +1,14 @@
 """The shield in simulation: limits held, wrong answers refused, right ones left alone."""
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from turning_control.adversary import (
-    Adversaries,
-    Attack,
-    Budget,
-    attack,
-    badness,
-    switching,
-    table,
-)
-from turning_control.measure import UniformRandom, play_guarded, rows
 from turning_control.shield import PATIENCE, Settings, Shield
 
 from leaderboard.play import Episodes, play
 from leaderboard.seeds import tuning_seeds
+from shop.tests.turning_control.guarded import Adversary, UniformRandom, play_guarded, switching
 from turning_env import Scenario, read
 from turning_env.action import commanded
 from turning_env.physics.quantities import action_size
@@ -177,65 +167,15 @@ def test_random_actions_break_edges_without_the_shield_only() -> None:
 
 
 @pytest.mark.slow
-def test_adversaries_stay_within_the_limits_and_break_no_edge() -> None:
+@pytest.mark.parametrize("period", [10, 50])
+def test_adversaries_stay_within_the_limits_and_break_no_edge(period: int) -> None:
     scenario = quickly_worn(1.4)
     seeds = tuning_seeds(8)[4:]
-    adversaries = [switching(50), switching(10)]
-    played = play_guarded(
-        scenario,
-        Adversaries(adversaries, len(seeds), scenario),
-        seeds=seeds * len(adversaries),
-        settings=Settings(),
-        label="adversaries",
-    )
-    for group in (slice(0, 4), slice(4, 8)):
-        figures = played.total(group)
-        assert figures.episodes == len(seeds)
-        assert figures.severe <= 0.001
-        assert figures.edges_broken == 0
-
-
-@pytest.fixture(scope="module")
-def attacks() -> list[Attack]:
-    """Return the result of a small search: the three worst adversaries, on both kinds of seeds."""
-    scenario = limited(Scenario.load("rough_turning"), minutes=1.0)
-    budget = Budget(
-        candidates=10,
-        generations=2,
-        episodes=1,
-        worst=3,
-        held_out=2,
-    )
-    return list(attack("RoughTurning-v0", scenario, budget, Settings()))
-
-
-@pytest.mark.slow
-def test_a_search_reports_the_worst_adversaries_first(attacks: list[Attack]) -> None:
-    severities = [badness(attack) for attack in attacks[:3]]
-    assert severities == sorted(severities, reverse=True)
-
-
-@pytest.mark.slow
-def test_a_search_plays_the_same_adversaries_on_held_out_seeds(attacks: list[Attack]) -> None:
-    assert [attack.seeds for attack in attacks] == ["tuning"] * 3 + ["held-out"] * 3
-    assert [attack.figures.episodes for attack in attacks] == [1] * 3 + [2] * 3
-    adversaries = [attack.adversary for attack in attacks]
-    assert adversaries[:3] == adversaries[3:]
-
-
-@pytest.mark.slow
-def test_the_table_of_a_search_has_a_row_per_attack(attacks: list[Attack]) -> None:
-    assert table(attacks).count("RoughTurning-v0") == len(attacks)
-
-
-@pytest.mark.slow
-def test_the_measurement_plays_without_and_with_the_shield(tmp_path: Path) -> None:
-    without, shielded = rows(["RoughTurning-Paper-v0"], 1, tmp_path, Settings())
-    assert not without.shielded
-    assert shielded.shielded
-    assert without.overridden == 0.0
-    assert shielded.overridden > 0.0
-    assert shielded.severe < without.severe
+    wave = switching(period)
+    adversary = Adversary(scenario, len(seeds), speed=wave, feed=wave)
+    played = play_guarded(scenario, adversary, seeds)
+    assert played.severe <= 0.001
+    assert played.edges_broken == 0
 
 
 def test_whole_parts_are_refused() -> None:
