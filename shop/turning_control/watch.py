@@ -51,12 +51,17 @@ class Watch:
         self._table = Table(scenario)
         self._force = force_reading(scenario)
         self._sets_speed = control.action != "override"
-        lag = LAGS * max(machine.feed_time_constant, machine.spindle_time_constant)
         self._stuck = max(STUCK_TIME / control.interval, STUCK_INTERVALS)
-        self._lagging = max(self._stuck, (lag + machine.command_delay) / control.interval)
+        self._feed_lags = self._intervals_to_follow(machine.feed_time_constant)
+        self._spindle_lags = self._intervals_to_follow(machine.spindle_time_constant)
         self._min_wear = 0.05 * scenario.tool.wear_criterion
         self._set_drawing()
         self.reset()
+
+    def _intervals_to_follow(self, time_constant: float) -> float:
+        """Return the control intervals after which a drive follows its command."""
+        seconds = LAGS * time_constant + self._scenario.machine.command_delay
+        return max(self._stuck, seconds / self._scenario.control.interval)
 
     def _set_drawing(self) -> None:
         work = self._scenario.workpiece
@@ -155,8 +160,8 @@ class Watch:
         wrong_place = metal is not None and metal != readings.cutting
         suspicions = (
             ("engaged_time contradicts cutting", stays_in_metal and short, self._stuck),
-            ("feed_velocity does not follow", too_fast, self._lagging),
-            ("spindle_speed does not follow", off_speed, self._lagging),
+            ("feed_velocity does not follow", too_fast, self._feed_lags),
+            ("spindle_speed does not follow", off_speed, self._spindle_lags),
             ("position contradicts cutting", wrong_place, self._stuck),
             ("loads contradict cutting", self._wrong_loads(readings, reading), self._stuck),
         )
