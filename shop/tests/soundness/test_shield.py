@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from leaderboard.seeds import tuning_seeds
 from shop.tests.turning_control.guarded import Adversary, Wave, play_guarded
 from tests.soundness.acting import tried
 from turning_env import Scenario
-from turning_env.scoring.seeds import tuning_seeds
 
 MAX_SEVERE = 0.01  # share of cutting time more than 5 % over a limit [-]
 NUM_SEEDS = 4

@@ -11,8 +11,8 @@ from turning_control.shield import Shield
 
 from turning_env.observation import read
 from turning_env.physics.quantities import action_size
+from turning_env.policy import Actions, Observations, Policy
 from turning_env.scenario import Scenario
-from turning_env.scoring.policy import Actions, Observations, Policy
 from turning_env.vector_env import RoughTurningVectorEnv, info_at_end_of_step
 
 
