@@ -6,10 +6,8 @@ python -m turning_env show forging
 
 import argparse
 import sys
-from collections.abc import Callable
 
 from turning_env.console import Parser, described, exits, print_json
-from turning_env.extras import provided
 from turning_env.scenario import Scenario, ScenarioError, presets
 
 
@@ -18,30 +16,14 @@ def main(arguments: list[str] | None = None) -> int:
     """Run a command and return its exit status."""
     parser = Parser(prog="python -m turning_env", **described(__doc__))
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
-
-    def command(
-        run: Callable[[argparse.Namespace], int], summary: str, scenario: bool = True
-    ) -> argparse.ArgumentParser:
-        """Add a command, which is called like the function that runs it."""
-        name = run.__name__.removeprefix("_").replace("_", "-")
-        added = commands.add_parser(name, help=summary, **described(run.__doc__))
-        added.set_defaults(run=run)
-        if scenario:
-            added.add_argument("scenario", metavar="SCENARIO", help="preset or TOML file")
-        # The command's first example joins those of the whole command line.
-        _, *lines = (added.epilog or "").splitlines()
-        # An example goes on where a line ends in a backslash.
-        length = 1
-        while lines[length - 1].endswith("\\"):
-            length += 1
-        parser.epilog = "\n".join([parser.epilog or "examples:", *lines[:length]])
-        return added
-
-    show = command(_show, "print presets, or all values of a scenario", scenario=False)
+    show = commands.add_parser(
+        "show",
+        help="print presets, or all values of a scenario",
+        **described(_show.__doc__),
+    )
+    show.set_defaults(run=_show)
     show.add_argument("scenario", metavar="SCENARIO", nargs="?", help="preset or TOML file")
     show.add_argument("--schema", action="store_true", help="print the JSON schema of its file")
-    for add_commands in provided("commands"):
-        add_commands(command)
 
     options = parser.parse_args(arguments)
     status: int = options.run(options)

@@ -1,13 +1,11 @@
-"""Extensions by other packages, and messages for optional packages that are not installed."""
+"""Messages for optional packages that are not installed."""
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from importlib.metadata import entry_points
 from importlib.util import find_spec
 from pathlib import Path
 from types import TracebackType
-from typing import Any
 
 EXTRAS = {
     "'rough-turning[render]'": ("PIL", "pygame"),
@@ -31,27 +29,9 @@ EXTRAS = {
     "-e '.[distributed]' in a clone": ("dask", "distributed"),
     "-e '.[publish]' in a clone": ("huggingface_hub",),
 }
-"""Arguments of ``pip install``, and the import names of the packages that it brings.
-
-Other distributions add theirs by entry points of the group ``turning_env.extras``.
-"""
-
-
-def provided(group: str) -> list[Any]:
-    """Return the objects of installed packages for a group of entry points.
-
-    Groups: ``commands`` and ``extras``. Raise ModuleNotFoundError if an optional
-    package is missing.
-    """
-    objects = []
-    for entry in entry_points(group=f"turning_env.{group}"):
-        try:
-            objects.append(entry.load())
-        except ModuleNotFoundError as error:
-            # The providing package itself may be gone, although its entry point is still there.
-            if error.name != entry.module.partition(".")[0]:
-                raise
-    return objects
+"""Arguments of ``pip install``, and the import names of the packages that it brings."""
+TABLES: list[Mapping[str, Sequence[str]]] = [EXTRAS]
+"""Tables of this form, best first; another distribution inserts its own when it is imported."""
 
 
 def missing(error: ModuleNotFoundError) -> str | None:
@@ -59,8 +39,7 @@ def missing(error: ModuleNotFoundError) -> str | None:
     name = (error.name or "").partition(".")[0]
     if name == "baselines":
         return _foreign_baselines()
-    # Tables of installed distributions come first: their users may have no clone.
-    for table in [*provided("extras"), EXTRAS]:
+    for table in TABLES:
         for source, packages in table.items():
             if name in packages:
                 return f"{name} is not installed: pip install {source}"

@@ -2,3 +2,7 @@
 
 Nothing here changes the environment. Training and scoring of policies belong elsewhere.
 """
+
+from turning_shop.extras import register
+
+register()

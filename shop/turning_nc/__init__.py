@@ -3,3 +3,7 @@
 ``dialects`` (data), ``words``, ``modal`` and ``moves`` read every program. ``stock``, ``removal``,
 ``cutting``, ``report`` and ``adapt`` play and adapt them.
 """
+
+from turning_shop.extras import register
+
+register()

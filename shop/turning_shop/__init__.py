@@ -9,10 +9,13 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from turning_shop.extras import register
 
 from turning_env.console import UserError
 
 Values = NDArray[np.float64]
+
+register()
 """An array of numbers."""
 
 
