@@ -24,7 +24,7 @@ from turning_env.files import replace_file
 from turning_env.scenario import Scenario
 
 if TYPE_CHECKING:
-    from turning_shop import start
+    from turning_shop import start, start_question
     from turning_shop.advise import Advice, Plan
     from turning_shop.prediction import Evidence, Prediction
 
@@ -562,7 +562,7 @@ def _advise(options: argparse.Namespace) -> int:
     python -m turning_shop advise my_tool.toml --agent my_agent.onnx
     python -m turning_shop advise --material 42CrMo4 --tool CNMG120408-PM --grade P25 --stock 80x200
     """
-    from turning_shop import start
+    from turning_shop import start, start_answer
     from turning_shop.advise import advise, headline, summary
     from turning_shop.advise_play import play_all
 
@@ -601,14 +601,14 @@ def _advise(options: argparse.Namespace) -> int:
             "warnings": evidence.warnings,
         }
         if job:
-            record["answer"] = start.sentence(job, advice)
+            record["answer"] = start_answer.sentence(job, advice)
             record["sources"] = list(job.sources)
             record["assumptions"] = list(job.assumptions)
         print_json(record)
         return DONE
     lines = summary(scenario, evidence, advice, units)
     if job:
-        lines = start.summary(job, advice, units)
+        lines = start_answer.summary(job, advice, units)
     print("\n".join(lines))
     if played:
         print("", *played.summary(units), sep="\n")
@@ -645,7 +645,7 @@ def _draw_advice(
 
 def _job(options: argparse.Namespace) -> "start.Job | None":
     """Return the job of --material and the options beside it; None if a scenario is given."""
-    from turning_shop import start
+    from turning_shop import start, start_question
 
     given = [f"--{name}" for name in _CATALOGUE_OPTIONS if getattr(options, _dest(name))]
     if options.scenario:
@@ -668,7 +668,7 @@ def _job(options: argparse.Namespace) -> "start.Job | None":
     machine = Path(options.machine or "rough_turning")
     if options.out and options.out.resolve() == machine.resolve():
         raise WorkshopError(f"--out is {options.out}, but must not be the file of --machine")
-    question = start.Question(
+    question = start_question.Question(
         options.material,
         options.tool,
         options.grade,
@@ -779,9 +779,9 @@ def _add_catalogue_options(parser: argparse.ArgumentParser) -> None:
     add("--out", type=Path, metavar="TOML", help="scenario to write, for map, whatif, program")
 
 
-def _stock(text: str) -> "start.Stock":
+def _stock(text: str) -> "start_question.Stock":
     """Return a bar, as an argparse type."""
-    from turning_shop import start
+    from turning_shop import start_question
 
     match = re.fullmatch(r"(bar:|tube:)?([\d.]+)(?:[xX]([\d.]+))?[xX]([\d.]+)(mm|in)?", text)
     is_tube = match is not None and match[1] == "tube:"
@@ -796,7 +796,7 @@ def _stock(text: str) -> "start.Stock":
     bore = within(match[3] + unit) if is_tube else 0.0
     if bore >= diameter:
         raise argparse.ArgumentTypeError(f"{text!r}: the inner diameter is not below the outer one")
-    return start.Stock(diameter=diameter, length=within(match[4] + unit), bore=bore)
+    return start_question.Stock(diameter=diameter, length=within(match[4] + unit), bore=bore)
 
 
 def _hardness(text: str) -> str:

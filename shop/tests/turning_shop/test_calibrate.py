@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from turning_shop.__main__ import main
 from turning_shop.fit import TYPICAL_EDGE_SPREAD
 from turning_shop.provenance import load
-from turning_shop.start import Question, Stock, job_of, toml_of
+from turning_shop.start import job_of, toml_of
+from turning_shop.start_question import Question, Stock
 from turning_shop.whatif import NO_LIMIT
 
 from tests.soundness.acting import tried

@@ -18,7 +18,9 @@ from turning_shop.catalogue.inserts import read_insert
 from turning_shop.catalogue.materials import find_material
 from turning_shop.catalogue.start_values import read_grade, start_of
 from turning_shop.prediction import predict
-from turning_shop.start import Job, Question, Stock, job_of, sentence, start_advice
+from turning_shop.start import Job, job_of, start_advice
+from turning_shop.start_answer import sentence
+from turning_shop.start_question import Question, Stock
 from turning_shop.whatif import what_if
 
 from tests.walking import ROOT, blocks, commands
@@ -147,8 +149,8 @@ WINDOWS = (
     *((name, "P25", (100, 200), (0.2, 0.5), f"{SUMITOMO}: hard steel") for name in ("P3", "P5")),
     *((name, "P25", (100, 200), (0.2, 0.5), f"{SUMITOMO}: hard steel") for name in ("P7", "P9")),
     ("M14", "M15", (100, 200), (0.1, 0.4), "Kyocera 2016-2017, p. 214, up to 220 HB"),
-    ("M14D", "M15", (80, 150), (0.1, 0.25), "Kyocera 2016-2017, p. 214, up to 300 HB"),
-    ("M14D", "M25", (80, 120), (0.1, 0.25), "Kyocera 2016-2017, p. 214, up to 300 HB"),
+    ("M14D", "M15", (80, 150), (0.1, 0.2), "Kyocera 2016-2017, p. 214, up to 300 HB"),
+    ("M14D", "M25", (80, 120), (0.1, 0.2), "Kyocera 2016-2017, p. 214, up to 300 HB"),
     ("K15", "K15", (180, 450), (0.1, 0.5), "Sumitomo 2019-2020, p. 16: AC4015K"),
     ("K16", "K20", (150, 300), (0.1, 0.6), "Sumitomo 2019-2020, p. 16: AC420K"),
     ("K17", "K25", (149, 270), (0.1, 0.5), f"{DGI}: K2, 885 to 490"),

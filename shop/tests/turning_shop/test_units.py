@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from turning_shop.__main__ import main
-from turning_shop.advise import MIN_COST, best_plan, tried_plans
+from turning_shop.advise import MIN_COST, Advice, best_plan, tried_plans
 from turning_shop.page import page_data
 from turning_shop.plots import draw_map
 from turning_shop.prediction import Evidence
@@ -99,8 +99,8 @@ def test_the_page_knows_its_units_and_computes_in_metric() -> None:
         aim=MIN_COST,
     )
     assert best
-    metric = page_data(scenario, Evidence(), [(MIN_COST, best, ())])  # type: ignore[list-item]
-    inch = page_data(scenario, Evidence(), [(MIN_COST, best, ())], INCH)  # type: ignore[list-item]
+    metric = page_data(scenario, Evidence(), [Advice(MIN_COST, best, ())])
+    inch = page_data(scenario, Evidence(), [Advice(MIN_COST, best, ())], INCH)
     assert inch["units"]["mm/rev"]["name"] == "IPR"
     assert metric["units"]["mm/rev"] == {"name": "mm/rev", "factor": 1.0, "decimals": 0}
     del metric["units"], inch["units"]

@@ -163,7 +163,7 @@ def _start_values() -> dict[str, tuple[StartValue, ...]]:
 START_VALUES = _start_values()
 """Start values of each group of VDI 3323, in the order of their grades."""
 _FEEDS = {"M": (0.1, 0.4), "N": (0.1, 0.4), "S": (0.1, 0.3)}
-_FEEDS_OF_GROUP = {"M14D": (0.1, 0.25)}
+_FEEDS_OF_GROUP = {"M14D": (0.1, 0.2)}
 FEEDS_SOURCE = "Kyocera 2016-2017, p. 214, for M; DGI Supply for N and S"
 
 
