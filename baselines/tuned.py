@@ -41,7 +41,7 @@ def command(scenario: Scenario) -> str:
         task = f"{scenario.name} --shipped"
     else:
         task = "FILE.toml"
-    return f"python -m train.tune_rules --scenario {task}"
+    return f"python -m train.tune rules --scenario {task}"
 
 
 def command_of(names: Iterable[str], scenario: Scenario) -> str:

@@ -31,8 +31,8 @@ MISTAKES = {
     "leaderboard play --env nothing": "nothing",
     "leaderboard score nothing.onnx": "nothing.onnx",
     "leaderboard score nothing:policy": "nothing",
-    "train.tune_rules --scenario nothing": "nothing",
-    "train.tune --algorithm nobody": "nobody",
+    "train.tune rules --scenario nothing": "nothing",
+    "train.tune agent --algorithm nobody": "nobody",
     "train.curves nothing": "nothing",
     "train.export nothing --out made": "nothing",
     "leaderboard run --scenario nothing": "nothing",
@@ -54,8 +54,8 @@ MISTAKES = {
     # A number out of its range, or none.
     "leaderboard play --seed -1": "-1",
     "leaderboard score math:cos --seeds 0": "0",
-    "train.tune_rules --trials x": "x",
-    "train.tune_rules --jobs 0": "0",
+    "train.tune rules --trials x": "x",
+    "train.tune rules --jobs 0": "0",
     "train.ppo --seed -1": "0 to 998",
     "train.ppo --steps 1.5": "whole number",
     "train.ppo --set gamma=2": "0 to 1",
@@ -71,9 +71,9 @@ MISTAKES = {
     "leaderboard.watch --policy grid_search --beside fixed_handbook --human": "--human",
     "leaderboard.watch --policy causal --out made.gif": "causal",
     "leaderboard.watch --policy grid_search --out cut.avi": ".mp4, .gif, .png",
-    "train.tune_rules --scenario rough_turning --out forging.toml": ".json",
-    "train.tune_rules --scenario rough_turning --rules parts_pv --out made.json": "parts_pv",
-    "train.tune_rules --scenario harder_lot --out made.json": "harder_lot",
+    "train.tune rules --scenario rough_turning --out forging.toml": ".json",
+    "train.tune rules --scenario rough_turning --rules parts_pv --out made.json": "parts_pv",
+    "train.tune rules --scenario harder_lot --out made.json": "harder_lot",
 }
 """What the error must contain, by the command line with a mistake."""
 for algorithm in ALGORITHMS:

@@ -33,7 +33,7 @@ for path in sorted(Path("agents").glob("*/*/*.onnx")):
 SOME_TESTS = Smaller("-k 'vibration or RoughTurning-v0 or worn_batch'")
 PLAYED_ELSEWHERE = (
     # tests/test_pages.py runs these.
-    "python -m train.tune_rules",
+    "python -m train.tune rules",
     "python -m leaderboard run",
     # The test runs it itself, after the changes of all pages.
     "python -m leaderboard verify --check",

@@ -62,8 +62,8 @@ SMALLER = {
         "--steps 512 --set num_envs=8 --set n_steps=32 --set teacher_steps=32 --set n_updates=2"
     ),
     "python -m train.ppo": Smaller("--steps 20000 --set num_envs=32"),
-    "python -m train.tune": Smaller("--steps 4096 --trials 1 --scenario short.toml"),
-    "python -m train.tune_rules": Smaller(
+    "python -m train.tune agent": Smaller("--steps 4096 --trials 1 --scenario short.toml"),
+    "python -m train.tune rules": Smaller(
         "--seeds 1 --trials 2",
         {"rough_turning": "short.toml", "my_tool.toml": "short.toml", "--shipped": "--quick"},
     ),

@@ -14,7 +14,6 @@ mutant, and has no operator that drops a clamp. So a process imports a file and 
 forks for each mutant, in which the functions get the code of the mutant.
 """
 
-import argparse
 import ast
 import copy
 import gc
@@ -33,6 +32,8 @@ from types import CodeType, FunctionType
 from typing import Any, NamedTuple
 
 import gymnasium
+
+from turning_env.console import DONE, FAILED, Parser, described, exits
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("turning_env/physics", "turning_env/numerics", "baselines/models")
@@ -318,12 +319,13 @@ def chosen_files(names: list[str]) -> list[str]:
     return [file for file in files if file not in LEFT_OUT]
 
 
-def main() -> None:
-    """Run the command line."""
-    parser = argparse.ArgumentParser(description="List wrong edits that tests let pass.")
+@exits()
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line; return the exit status."""
+    parser = Parser(prog="python -m tools.mutants", **described(__doc__))
     parser.add_argument("files", nargs="*", help="files or folders; default: all of the core")
     parser.add_argument("--sample", type=int, help="number of mutants of each file; default: all")
-    options = parser.parse_args()
+    options = parser.parse_args(arguments)
     os.chdir(ROOT)
     os.environ["NUMBA_DISABLE_JIT"] = "1"
     equivalent = json.loads(EQUIVALENT.read_text("utf-8")) if EQUIVALENT.exists() else {}
@@ -348,9 +350,8 @@ def main() -> None:
             print(f"    {file}:{mutant.text}", flush=True)
     killed = all_made - all_survived
     print(f"{killed} of {all_made} killed: {100.0 * killed / max(all_made, 1):.1f} %")
-    if all_survived:
-        sys.exit(1)
+    return FAILED if all_survived else DONE
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

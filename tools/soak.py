@@ -41,7 +41,6 @@ from tqdm import tqdm
 
 from leaderboard import __main__ as leaderboard_command
 from train import ppo, tune
-from train import tune_rules as rule_tuning
 from train.run import Run
 from train.training import train
 from turning_env import RoughTurningEnv, RoughTurningVectorEnv, Scenario
@@ -89,6 +88,7 @@ def training(folder: Path) -> int:
 def tuning_of_rules(folder: Path) -> int:
     """Search for the parameters of two rules."""
     words = [
+        "rules",
         "--scenario",
         _scenario(folder),
         "--rules",
@@ -101,12 +101,13 @@ def tuning_of_rules(folder: Path) -> int:
         "--out",
         str(folder / "tuned" / "short.json"),
     ]
-    return rule_tuning.main(words)
+    return tune.main(words)
 
 
 def tuning_of_an_agent(folder: Path) -> int:
     """Search for PPO's hyperparameters, which trains an agent per setting."""
     words = [
+        "agent",
         "--algorithm",
         "ppo",
         "--scenario",

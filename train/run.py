@@ -41,7 +41,7 @@ SHARES = ("gamma", "gae_lambda", "tau")
 def _defaults(algorithm: str) -> dict[str, Any]:
     """Return the default hyperparameters, which an algorithm's Python file declares."""
     if algorithm not in ALGORITHMS:
-        instead = names_instead(algorithm, ALGORITHMS, "python -m train.tune --help")
+        instead = names_instead(algorithm, ALGORITHMS, "python -m train.tune agent --help")
         raise ValueError(
             f"no algorithm is called {algorithm!r}; {instead} "
             "(a new one needs a line in ALGORITHMS of train/run.py)"

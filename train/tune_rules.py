@@ -1,8 +1,8 @@
 """Tune the rules for a scenario, all with the same budget, and write the best parameters to a file.
 
-    python -m train.tune_rules --scenario my_mill.toml --quick
-    python -m train.tune_rules --scenario my_mill.toml --rules fixed_tuned rescaled_grid_search
-    python -m train.tune_rules --scenario forging --out my_forging.tuned.json
+    python -m train.tune rules --scenario my_mill.toml --quick
+    python -m train.tune rules --scenario my_mill.toml --rules fixed_tuned rescaled_grid_search
+    python -m train.tune rules --scenario forging --out my_forging.tuned.json
 
 The parameters of ``my_mill.toml`` go to ``my_mill.tuned.json`` beside it, where all commands find
 them. Every rule gets the same number of trials on the same tuning seeds, however many parameters it
@@ -20,7 +20,6 @@ import argparse
 import json
 import math
 import shlex
-import sys
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
@@ -41,7 +40,7 @@ from leaderboard.seeds import tuning_seeds
 from leaderboard.statistics import Bootstrap, severe_share
 from leaderboard.workers import Workers, spread, workers
 from turning_env import MODEL_VERSION, Scenario, presets
-from turning_env.console import Parser, described, exits, positive
+from turning_env.console import described, exits, positive
 from turning_env.files import file_lock, folder_lock, read_regular, replace_file
 from turning_env.progress import progress
 
@@ -342,9 +341,12 @@ def log_of(name: str, target: Path) -> Path:
     return target.with_name(f".unfinished-{target.stem}-{name}.log")
 
 
-def _parser() -> argparse.ArgumentParser:
-    """Return the parser of the command line."""
-    parser = Parser(prog="python -m train.tune_rules", **described(__doc__))
+def add_to(commands: Any) -> None:
+    """Add the command ``rules`` to the subparsers of a command line."""
+    parser: argparse.ArgumentParser = commands.add_parser(
+        "rules", help="tune the rules for a scenario", **described(__doc__)
+    )
+    parser.set_defaults(command=tune_rules)
     worth_tuning = ", ".join(name for name, rule in RULES.items() if rule.worth_tuning)
     quick = " and ".join(f"{number} {unit}" for unit, number in QUICK.items())
     parser.add_argument(
@@ -391,7 +393,6 @@ def _parser() -> argparse.ArgumentParser:
         metavar="N",
         help="number of processes, one rule each (default: 1)",
     )
-    return parser
 
 
 def _budget(parsed: argparse.Namespace) -> dict[str, int]:
@@ -406,7 +407,7 @@ def _budget(parsed: argparse.Namespace) -> dict[str, int]:
 
 def _command(parsed: argparse.Namespace, budget: dict[str, int]) -> str:
     """Return the command that gives the same result for all rules."""
-    words = ["python", "-m", "train.tune_rules", "--scenario", parsed.scenario]
+    words = ["python", "-m", "train.tune", "rules", "--scenario", parsed.scenario]
     if parsed.shipped:
         words.append("--shipped")
     for option, number in budget.items():
@@ -438,9 +439,8 @@ def _tune(
 
 
 @exits(KeyError, ValueError, interrupted="interrupted: run the same command again to go on")
-def main(arguments: list[str] | None = None) -> int:
-    """Run the command line; return the exit status."""
-    parsed = _parser().parse_args(arguments)
+def tune_rules(parsed: argparse.Namespace) -> int:
+    """Tune the rules as a command line asks; return the exit status."""
     budget = _budget(parsed)
     scenario = Scenario.load(parsed.scenario)
     if scenario != scenario.nominal():
@@ -473,9 +473,3 @@ def main(arguments: list[str] | None = None) -> int:
             log.unlink(missing_ok=True)
     print(target)
     return 0
-
-
-if __name__ == "__main__":
-    from train import tune_rules  # under the name that workers import
-
-    sys.exit(tune_rules.main())

@@ -72,7 +72,7 @@ def test_tuned_parameters_join_the_fixed_ones_and_a_change_of_edges_on_command(
 
 
 def test_what_is_not_tuned_says_which_command_tunes_it(tunable: str) -> None:
-    command = r"run `python -m train\.tune_rules --scenario rough_turning --shipped"
+    command = r"run `python -m train\.tune rules --scenario rough_turning --shipped"
     with pytest.raises(tuned.NotTuned, match=f"have not been tuned: {command}`"):
         spec(tunable, Scenario())
     assert tuned.command_of([tunable], Scenario()) == tuned.command(Scenario())

@@ -17,7 +17,7 @@ from leaderboard.trajectories import RECORDED_SEEDS, Trajectories
 from tests.leaderboard.conftest import ENV_ID, Steady, play_all, spec
 from tests.train.small import ALGORITHMS, SCENARIO, small_run
 from tests.walking import ROOT
-from train import tune_rules as rule_tuning
+from train import tune, tune_rules
 from train.run import Run
 from train.training import train
 from turning_env import Scenario
@@ -123,6 +123,7 @@ def test_a_search_of_rules_is_not_made_twice_at_once(
 ) -> None:
     SCENARIO.save(tmp_path / "short.toml")
     arguments = [
+        "rules",
         "--scenario",
         str(tmp_path / "short.toml"),
         "--trials",
@@ -131,13 +132,13 @@ def test_a_search_of_rules_is_not_made_twice_at_once(
         "2",
         "--rules",
     ]
-    with held("file_lock", rule_tuning.log_of("fixed_tuned", tmp_path / "short.tuned.json")):
-        assert rule_tuning.main([*arguments, "fixed_tuned"]) == 2
+    with held("file_lock", tune_rules.log_of("fixed_tuned", tmp_path / "short.tuned.json")):
+        assert tune.main([*arguments, "fixed_tuned"]) == 2
         assert "error: another process works in" in capsys.readouterr().err
         assert (
-            rule_tuning.main([*arguments, "rescaled_grid_search"]) == 0
+            tune.main([*arguments, "rescaled_grid_search"]) == 0
         )  # another rule, into the same file
-    assert rule_tuning.main([*arguments, "fixed_tuned"]) == 0
+    assert tune.main([*arguments, "fixed_tuned"]) == 0
     assert tuned.contents(Scenario.load(tmp_path / "short.toml"))["rules"].keys() == {
         "fixed_tuned",
         "rescaled_grid_search",

@@ -15,8 +15,7 @@ import pytest
 from leaderboard import __main__ as board
 from tests.train.small import ALGORITHMS, SCENARIO, small_run
 from tools.soak import files, unreadable
-from train import ppo
-from train import tune_rules as rule_tuning
+from train import ppo, tune
 from train.training import train
 
 Main = Callable[[Sequence[str]], int]
@@ -65,6 +64,7 @@ def commands(folder: Path, scenario: Path) -> dict[str, tuple[Main, list[str]]]:
         "1",
     ]
     search = [
+        "rules",
         "--scenario",
         str(scenario),
         "--rules",
@@ -76,8 +76,8 @@ def commands(folder: Path, scenario: Path) -> dict[str, tuple[Main, list[str]]]:
     ]
     return {
         "train.ppo": (ppo.main, ["--steps", "1", "--runs", str(folder / "runs")]),
-        "train.tune_rules": (
-            rule_tuning.main,
+        "train.tune": (
+            tune.main,
             [*search, "--out", str(folder / "tuned" / "short.json")],
         ),
         "leaderboard run": (board.main, [*rules, "--results", str(folder / "results")]),

@@ -13,7 +13,7 @@ pytestmark = pytest.mark.slow
     ("package", "command"),
     [
         ("torch", "train.ppo --steps 1"),
-        ("optuna", "train.tune_rules --trials 1"),
+        ("optuna", "train.tune rules --trials 1"),
         (
             "matplotlib",
             "leaderboard figure --results leaderboard/results --env RoughTurning-Batch-v0",

@@ -136,7 +136,7 @@ def test_rules_that_are_not_tuned_are_skipped(
     Scenario.model_validate({"name": "mine", "control": {"time_limit": 0.3}}).save(path)
     words[words.index("--scenario") + 1] = str(path)
     assert main([*words, "fixed_tuned", "fixed_handbook"]) == 0
-    advice = f"python -m train.tune_rules --scenario '{path}'"
+    advice = f"python -m train.tune rules --scenario '{path}'"
     assert advice in capsys.readouterr().err
     assert main([*words, "fixed_tuned"]) == 2
     assert "nothing to play" in capsys.readouterr().err

@@ -127,7 +127,7 @@ def test_every_rule_and_oracle_has_a_result(env_id: str, preset: str) -> None:
     policies = {*names(scenario), *(oracle.name for oracle in oracles(scenario))}
     missing = sorted(policies - manifest.results.keys())
     assert not missing, (
-        f"on {preset}, tune {missing} if it has parameters (python -m train.tune_rules --scenario "
+        f"on {preset}, tune {missing} if it has parameters (python -m train.tune rules --scenario "
         f"{preset} --shipped --rules ...), then play what is missing: make results"
     )
 

@@ -12,7 +12,7 @@ import pytest
 from baselines import tuned
 from baselines.catalogue import RULES, spec
 from baselines.rule import Parameters, Range, Rule
-from train import tune_rules
+from train import tune, tune_rules
 from train.tune_rules import Played, play_trial
 from turning_env import Scenario
 
@@ -154,7 +154,7 @@ def run(folder: Path, *arguments: str) -> int:
     words = ["--scenario", str(folder / "short.toml"), "--seeds", "2"]
     if "--trials" not in arguments:
         words += ["--trials", "3"]
-    return tune_rules.main([*words, *arguments])
+    return tune.main(["rules", *words, *arguments])
 
 
 def test_the_file_states_command_budget_and_results(folder: Path) -> None:
@@ -162,7 +162,7 @@ def test_the_file_states_command_budget_and_results(folder: Path) -> None:
     path = folder / "short.tuned.json"
     scenario = Scenario.load(folder / "short.toml")
     values = json.loads(path.read_text())
-    command = f"python -m train.tune_rules --scenario {folder / 'short.toml'} --trials 3 --seeds 2"
+    command = f"python -m train.tune rules --scenario {folder / 'short.toml'} --trials 3 --seeds 2"
     assert values["command"] == command
     assert values["scenario_digest"] == SHORT.digest()
     assert values["budget"] == {"trials": 3, "seeds": 2}
@@ -192,7 +192,7 @@ def test_a_quick_tuning_is_of_what_is_worth_it_and_says_how_to_tune_others(
     folder: Path, capsys: Any
 ) -> None:
     path = folder / "short.toml"
-    assert tune_rules.main(["--scenario", str(path), "--quick"]) == 0
+    assert tune.main(["rules", "--scenario", str(path), "--quick"]) == 0
     values = tuned.read(folder / "short.tuned.json")
     scenario = Scenario.load(path)
     assert list(values["rules"]) == ["fixed_tuned"]
@@ -208,7 +208,7 @@ def test_a_quick_tuning_is_of_what_is_worth_it_and_says_how_to_tune_others(
     assert run(folder) == 0
     assert (
         spec("other", scenario).command
-        == f"python -m train.tune_rules --scenario {path} --trials 3 --seeds 2 --rules other"
+        == f"python -m train.tune rules --scenario {path} --trials 3 --seeds 2 --rules other"
     )
 
 
