@@ -19,12 +19,12 @@ from baselines.rule import Array, Mask, Range, Rule
 from turning_env import Scenario, read
 from turning_env.action import sets_speed_and_feed, towards
 from turning_env.numerics.compilation import compiled, compiled_entry
-from turning_env.numerics.functions import real_power
 from turning_env.physics.machinability import loads_with_fresh_share, log_wear_coefficient
 from turning_env.physics.records import parameter_records
 from turning_env.physics.spindle import capacity, idle_power
 from turning_env.physics.wear import advance_used_life, log_wear
 from turning_env.policy import Actions, Observations, Policy
+from turning_env.scenario.laws import used_life_at
 
 CUTTING_SPEED_STEP = 10.0  # the paper's grid [m/min]
 FEED_STEP = 0.005  # the paper's grid [mm/rev]
@@ -199,10 +199,8 @@ class GridSearch(Policy):
         force_scale, power_scale = self._scales.follow(
             measured, force_ratio=reading.force_ratio, power_ratio=reading.power_ratio
         )
-        # Wear grows as W_max D^n, so the used life is D = (W / W_max)^(1/n).
-        relative_wear = reading.nominal_wear / scenario.tool.wear_criterion
         states = np.empty(num_envs, STATE)
-        states["used_life"] = real_power(relative_wear, 1.0 / scenario.material.wear.time)
+        states["used_life"] = used_life_at(scenario, reading.nominal_wear)
         states["start"] = reading.cutting_time
         states["force_limit"] = self._force_limit / force_scale
         states["power_limit"] = self._power_limit / power_scale

@@ -24,8 +24,8 @@ from turning_env import Reading, read
 from turning_env.action import sets_feed
 from turning_env.numerics.functions import exp, log, real_power
 from turning_env.physics.drives import lag_share
-from turning_env.physics.spindle import capacity_at
 from turning_env.policy import Actions, Observations, Policy
+from turning_env.scenario.laws import capacity_at
 
 LOWEST_OVERRIDE = 0.1
 """Lowest override of the commercial controls [-]: at zero feed, the edge would only rub."""

@@ -28,8 +28,9 @@ from baselines.models.load_filter import LoadFilter, Outlook, records
 from baselines.rule import Array, Mask, Range, Rule, Scenarios
 from turning_env import Reading, Scenario, read
 from turning_env.action import sets_speed_and_feed, towards
-from turning_env.numerics.functions import exp, hypotenuse, log, real_power
+from turning_env.numerics.functions import exp, hypotenuse, log
 from turning_env.policy import Actions, Observations, Policy
+from turning_env.scenario.laws import edge_price, used_life_at
 from turning_env.scenario.scenario_batch import ScenarioBatch
 
 USED_LIVES = np.linspace(0.0, 1.0, 41)[1:]
@@ -104,10 +105,8 @@ class Optimiser(Policy):
         scenario = self._scenario
         reading = read(observations, scenario)
         self._observe(reading)
-        # Wear grows as W_max D^n, so the used life is D = (W / W_max)^(1/n).
         exponent = scenario.material.wear.time
-        relative_wear = reading.nominal_wear / scenario.tool.wear_criterion
-        nominal_life = np.maximum(real_power(relative_wear, 1.0 / exponent), MIN_USED_LIFE)
+        nominal_life = np.maximum(used_life_at(scenario, reading.nominal_wear), MIN_USED_LIFE)
         expected_life = nominal_life * exp(self._filter.log_wear_factor / exponent)
         price = self.prices(expected_life)["life"]
         speed, feed = self._best_set_point(reading, nominal_life, price)
@@ -262,7 +261,6 @@ class Optimiser(Policy):
         )
         # A broken edge loses its unused life.
         unused = np.maximum(1.0 - used_life, 0.0)
-        edge = economics.edge_cost + economics.edge_change_time
         environments = np.empty(len(used_life), ENVIRONMENT)
         environments["min_log_speed"] = min_log_speed
         environments["max_log_speed"] = max_log_speed
@@ -271,7 +269,9 @@ class Optimiser(Policy):
         environments["log_speed"] = log(reading.cutting_speed)
         environments["log_feed"] = log(reading.feed)
         environments["used_life"] = used_life
-        environments["breakage_price"] = 60.0 * (unused * edge + economics.breakage_downtime)
+        environments["breakage_price"] = 60.0 * (
+            unused * edge_price(scenario) + economics.breakage_downtime
+        )
         environments["log_life_rate"] = life.log_rate
         environments["life_speed"] = life.speed
         environments["life_feed"] = life.feed

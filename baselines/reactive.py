@@ -27,8 +27,9 @@ from baselines.rule import Array, Mask, Scenarios
 from baselines.self_tuning import RULES as SELF_TUNING_RULES
 from baselines.self_tuning import SelfTuning
 from turning_env import Reading, Scenario
-from turning_env.numerics.functions import exp, log, real_power
+from turning_env.numerics.functions import exp, log
 from turning_env.policy import Actions, Observations
+from turning_env.scenario.laws import used_life_at
 
 MIN_LOG_SPEED = -1.0  # lowest log of the highest speed over the start speed [-]
 MAX_LOG_SPEED = 0.47  # likewise the highest: the machine's
@@ -119,15 +120,14 @@ class Reactive(SelfTuning):
     def _observe(self, reading: Reading) -> None:
         super()._observe(reading)
         self._window.observe(reading)
-        # Wear grows as W_max D^n, so the used life is D = (W / W_max)^(1/n).
-        exponent = self._scenario.material.wear.time
-        criterion = self._scenario.tool.wear_criterion
+        scenario = self._scenario
+        criterion = scenario.tool.wear_criterion
         fresh = reading.cutting_time < self._cutting_time
         if fresh.any():
-            wear = np.maximum(reading.removed_wear / criterion, MIN_WEAR)
-            self._react(fresh, wear, real_power(wear, 1.0 / exponent))
+            removed_wear = np.maximum(reading.removed_wear, MIN_WEAR * criterion)
+            self._react(fresh, removed_wear / criterion, used_life_at(scenario, removed_wear))
         self._cutting_time = reading.cutting_time
-        self._nominal_life = real_power(reading.nominal_wear / criterion, 1.0 / exponent)
+        self._nominal_life = used_life_at(scenario, reading.nominal_wear)
 
     def _react(self, fresh: Mask, wear: Array, used_life: Array) -> None:
         """Change the limits where an edge has been replaced.

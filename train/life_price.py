@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.optimiser import USED_LIVES, worth
-from train.model_gain import edge_price
 from turning_env import Scenario
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
+from turning_env.scenario.laws import edge_price
 from turning_env.vector_env import info_at_end_of_step
 
 LIFE_PRICES = ("flat", "marginal", "end")
@@ -38,7 +38,7 @@ class LifePriceVecEnv(RoughTurningVecEnv):
             *arguments: further arguments of ``RoughTurningVecEnv``.
         """
         super().__init__(scenario, *arguments)
-        self._edge_price = edge_price(scenario)
+        self._edge_price = 60.0 * edge_price(scenario)  # [s]
         self._used_lives = np.concatenate([[0.0], USED_LIVES])
         self._potentials = self._edge_price * self._used_lives
         self._potential_at_end = 0.0

@@ -32,6 +32,7 @@ from torch.nn.functional import softplus
 from baselines.optimiser import USED_LIVES, Worth, worth
 from train.analytic_actor import SpeedAndFeed
 from turning_env import Scenario
+from turning_env.scenario.laws import edge_price, idle_power_at
 from turning_env.scenario.power_law import POWER_LAW_RECORD, PowerLaw, log_response
 
 Tensor = torch.Tensor
@@ -162,15 +163,10 @@ def _field(states: NDArray[np.void], name: str) -> Tensor:
     return torch.as_tensor(np.ascontiguousarray(states[name])).unsqueeze(-1)
 
 
-def edge_price(scenario: Scenario) -> float:
-    """Return the price of a whole edge and its change [s]."""
-    return 60.0 * (scenario.economics.edge_cost + scenario.economics.edge_change_time)
-
-
 def flat_prices(scenario: Scenario) -> Worth:
     """Return the prices of time and life, with life at the flat price of the reward."""
     prices = worth(scenario)
-    return prices._replace(life=np.full(len(USED_LIVES), edge_price(scenario)))
+    return prices._replace(life=np.full(len(USED_LIVES), 60.0 * edge_price(scenario)))
 
 
 def prices_of(scenario: Scenario) -> Worth:
@@ -216,17 +212,15 @@ class ModelGain:
         self._wear = _Law(material.wear, math.log(tool.wear_criterion))
         self._log_criterion = _tensor(np.log(tool.wear_criterion))
         self._life_exponent = _tensor(material.wear.time)
-        # Idle power over the limit, per cutting speed [min/m]. The power is torque times angular
-        # velocity: M V / (30 D) [kW] with M [N m], V [m/min] and D [mm].
-        idle = scenario.spindle.idle_torque / (30.0 * scenario.workpiece.diameter * limits.power)
-        self._idle = _tensor(idle)
+        # Idle power over the limit, per cutting speed [min/m].
+        self._idle = _tensor(idle_power_at(scenario, 1.0) / limits.power)
         self._base_speed = _tensor(max(scenario.base_cutting_speed, MIN_POSITIVE))
 
         self._force_limit = _tensor(limits.thrust_force)
         self._log_strength = _tensor(np.log(tool.edge_strength / limits.thrust_force))
         strength_spread = max(tool.edge_strength_spread, MIN_STRENGTH_SPREAD)
         self._strength_spread = _tensor(strength_spread)
-        self._edge_price = _tensor(edge_price(scenario))  # [s]
+        self._edge_price = _tensor(60.0 * edge_price(scenario))  # [s]
         self._downtime = 60.0 * economics.breakage_downtime  # [s]
 
         if prices is None:

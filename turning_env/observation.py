@@ -28,9 +28,10 @@ from turning_env.physics.quantities import (
     layout,
 )
 from turning_env.physics.records import parameter_records
-from turning_env.physics.spindle import capacity, capacity_at, idle_power
+from turning_env.physics.spindle import capacity, idle_power
 from turning_env.physics.wear import log_wear
 from turning_env.scenario import Scenario, ScenarioBatch
+from turning_env.scenario.laws import capacity_at
 
 Array = NDArray[np.float64]
 

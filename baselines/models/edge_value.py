@@ -28,9 +28,9 @@ import numpy as np
 
 from turning_env import PowerLaw, Scenario
 from turning_env.numerics.compilation import compiled, compiled_entry, compiled_separately
-from turning_env.numerics.functions import exp, hypotenuse, log
+from turning_env.numerics.functions import exp, log
 from turning_env.numerics.wear_term import term_over_criterion
-from turning_env.physics.spindle import idle_power_at
+from turning_env.scenario.laws import idle_power_at, load_spread
 
 PRICED_SPREAD = 0.6
 """Standard deviations over bars that loads lie above the expected, at known laws [-] (found on
@@ -95,16 +95,10 @@ def numbers_of(scenario: Scenario, severity: float) -> dict[str, Any]:
     work = scenario.workpiece
     edge_changes = scenario.control.edge_changes
     min_feed, max_feed = scenario.feed_range
-    depth_spread = hypotenuse(work.depth_bar_spread, work.depth_along_spread) / work.depth_of_cut
-    hardness_spread = hypotenuse(work.hardness_bar_spread, work.hardness_along_spread)
 
     def at_one(law: PowerLaw, limit: float) -> float:
         """Return log(response / limit) at 1 m/min, 1 mm/rev, nominal depth and worn edge."""
         return float(log(law(1.0, 1.0, work.depth_of_cut, wear=tool.wear_criterion) / limit))
-
-    def spread_over_bars(law: PowerLaw) -> Any:
-        """Return the standard deviation of a log response over bars."""
-        return hypotenuse(law.depth_of_cut * depth_spread, law.hardness * hardness_spread)
 
     # W = a t^n reaches the criterion W_max at D = 1, so the used life is D = (W / W_max)^(1/n).
     # The law of wear is in minutes, its rate in seconds.
@@ -116,8 +110,8 @@ def numbers_of(scenario: Scenario, severity: float) -> dict[str, Any]:
         "wear_time": wear.time,  # n
         "log_force_coefficient": at_one(material.thrust_force, limits.thrust_force),
         "log_power_coefficient": at_one(material.power, limits.power),
-        "force_spread": spread_over_bars(material.thrust_force),
-        "power_spread": spread_over_bars(material.power),
+        "force_spread": load_spread(material.thrust_force, work),
+        "power_spread": load_spread(material.power, work),
         "log_base_speed": log(scenario.base_cutting_speed or MIN_BASE_SPEED),
         "log_strength": float(log(tool.edge_strength / limits.thrust_force)),
         "overload_price": severity * economics.overload_price,

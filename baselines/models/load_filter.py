@@ -53,7 +53,7 @@ from baselines.rule import Array, Mask
 from turning_env import Reading, Scenario
 from turning_env.numerics.functions import hypotenuse, log
 from turning_env.numerics.wear_term import log_wear_term
-from turning_env.physics.spindle import idle_power_at
+from turning_env.scenario.laws import idle_power_at
 
 SLOPE = 1.603
 """Root mean square slope along a bar, times correlation length over spread: sqrt(pi/2 + 1) for

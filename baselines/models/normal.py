@@ -1,10 +1,10 @@
-"""The normal distribution in compiled loops, with the same bits on all processors."""
+"""The normal distribution for compiled loops and arrays, with the same bits on all processors."""
 
 import math
 from typing import NamedTuple
 
 from turning_env.numerics.compilation import compiled
-from turning_env.numerics.functions import exp
+from turning_env.numerics.functions import exp, where
 
 _DENSITY = 1.0 / math.sqrt(2.0 * math.pi)
 
@@ -43,7 +43,7 @@ def probability(x):
     """Return the probability that a standard normal number is below x, and the density."""
     density = exp(-0.5 * (x * x))
     above = density * tail(abs(x))
-    below = above if x < 0.0 else 1.0 - above
+    below = where(x < 0.0, above, 1.0 - above)
     return Probability(below, _DENSITY * density)
 
 

@@ -26,6 +26,7 @@ from numpy.typing import ArrayLike
 from baselines.rule import Array, Mask
 from turning_env import PowerLaw, Scenario
 from turning_env.numerics.functions import exp, log
+from turning_env.scenario.laws import edge_price
 
 ALIKE = 1e-9  # tolerance for equal exponents
 MIN_SCALE = 0.1  # lower bound of a scale [-]: no lathe cuts with a tenth of the nominal force
@@ -139,7 +140,6 @@ class Process:
         material = scenario.material
         machine = scenario.machine
         limits = scenario.limits
-        economics = scenario.economics
         scenario_limits = {
             "radial_force": limits.radial_force,
             "torque": limits.torque,
@@ -157,7 +157,7 @@ class Process:
             torque=further.get("torque", torque_limit(scenario)),
             cutting_speed_range=(machine.cutting_speed_min, scenario.cutting_speed_max),
             feed_range=scenario.feed_range,
-            edge_price=economics.edge_cost + economics.edge_change_time,
+            edge_price=edge_price(scenario),
             further=further,
         )
 

@@ -19,11 +19,20 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.models.normal import tail
+from baselines.models.normal import probability
 from baselines.rule import Array
 from turning_env import PowerLaw, Scenario
 from turning_env.numerics.functions import exp, hypotenuse, log, real_power
-from turning_env.physics.spindle import capacity_at, idle_power_at
+from turning_env.scenario.laws import (
+    capacity_at,
+    chatter_cutting_speed,
+    life_rate,
+    load_shares,
+    load_spread,
+    loads_at,
+    removal_rate_at,
+    wear_at,
+)
 from turning_env.scenario.sections import EdgeFailure
 
 FORMS = "edge_failure.", "machine.chatter", "swarf."
@@ -142,7 +151,7 @@ def _steps(scenario: Scenario, speed: Array, feed: Array) -> Steps:
 
     The arrays of set points broadcast to one shape.
     """
-    cut = _Cut(scenario, speed, feed)
+    cut = _Responses(scenario, speed, feed)
     life = np.arange(LIVES + 1.0)[:, np.newaxis, np.newaxis] / LIVES
     start = np.maximum(life[:-1], MIN_POSITIVE)
     end = life[1:]
@@ -162,7 +171,7 @@ def _steps(scenario: Scenario, speed: Array, feed: Array) -> Steps:
     )
 
 
-class _Cut:
+class _Responses:
     """Responses to set points at used lives [-], as arrays that broadcast.
 
     Args:
@@ -172,7 +181,6 @@ class _Cut:
     """
 
     def __init__(self, scenario: Scenario, speed: Array, feed: Array) -> None:
-        work = scenario.workpiece
         machine = scenario.machine
         self._scenario = scenario
         self._material = scenario.material
@@ -182,25 +190,20 @@ class _Cut:
         self._strength_spread = scenario.tool.edge_strength_spread
         self._speed = speed
         self._feed = feed
-        self._depth = work.depth_of_cut
-        self._depth_spread = (
-            hypotenuse(work.depth_bar_spread, work.depth_along_spread) / work.depth_of_cut
-        )
-        self._hardness_spread = hypotenuse(work.hardness_bar_spread, work.hardness_along_spread)
+        self._depth = scenario.workpiece.depth_of_cut
         # Chatter adds a dynamic force around the bar's critical spindle speed.
-        critical_speed = np.pi * work.diameter * machine.chatter_speed / 1000.0  # [m/min]
         self._dynamic = 1.0 + _bump(
-            speed, height=machine.chatter, centre=critical_speed, width=machine.chatter_width
+            speed,
+            height=machine.chatter,
+            centre=chatter_cutting_speed(scenario),
+            width=machine.chatter_width,
         )
 
     def life_rate(self, used_life: Array) -> Any:
         """Return the rate at which the life is used [1/min]."""
-        law = self._material.wear
         failure = self._failure
-        wear = self._wear(used_life)
-        # W = K t^n reaches the criterion at the rate (K / criterion)^(1/n).
-        wear_of_minute = law(self._speed, self._feed, self._depth)
-        rate = real_power(wear_of_minute / self._criterion, 1.0 / law.time)
+        wear = wear_at(self._scenario, used_life)
+        rate = life_rate(self._material.wear, self._criterion, self._speed, self._feed, self._depth)
         built_up = _bump(
             self._speed,
             height=failure.built_up_edge,
@@ -215,17 +218,18 @@ class _Cut:
 
     def value_rate(self, used_life: Array) -> Any:
         """Return the value of metal less the price of overload [s per s]."""
-        limits = self._scenario.limits
-        economics = self._scenario.economics
+        scenario = self._scenario
+        economics = scenario.economics
+        material = self._material
+        wear = wear_at(scenario, used_life)
+        loads = loads_at(scenario, self._speed, self._feed, self._depth, wear=wear)
+        capacity = capacity_at(scenario, self._speed)
+        shares = load_shares(loads, scenario.limits, capacity=capacity)
         # Loads half a standard deviation above the expected stand for all bars.
-        force_factor = exp(0.5 * self._spread(self._material.thrust_force))
-        power_factor = exp(0.5 * self._spread(self._material.power))
-        force = self._force(used_life) * force_factor
-        power = self._power(used_life) * power_factor
-        force_over = np.maximum(force / limits.thrust_force - 1.0, 0.0)
-        power_over = np.maximum(power / limits.power - 1.0, 0.0)
-        over = force_over + power_over
-        removal_rate = self._speed * self._feed * self._depth
+        force = self._dynamic * shares.thrust_force * exp(0.5 * self._spread(material.thrust_force))
+        power = shares.power * exp(0.5 * self._spread(material.power))
+        over = np.maximum(force - 1.0, 0.0) + np.maximum(power - 1.0, 0.0)
+        removal_rate = removal_rate_at(self._speed, self._feed, self._depth)
         metal = removal_rate / economics.reference_removal_rate
         return metal - SEVERITY * economics.overload_price * over
 
@@ -235,17 +239,18 @@ class _Cut:
         force_spread = self._spread(self._material.thrust_force)
         log_force = log(self._force(middle) / self._strength)
         load = log_force + 0.5 * force_spread**2
-        relative_wear = self._wear(middle) / self._criterion
+        relative_wear = wear_at(self._scenario, middle) / self._criterion
         by_load = exp(failure.chipping_load_exponent * load)
         by_wear = real_power(relative_wear, failure.chipping_wear_exponent)
         chipping = failure.chipping_rate * by_load * by_wear
         if failure.collapse_temperature <= 0.0:
             return chipping
         law = failure.temperature
-        temperature = law(self._speed, self._feed, self._depth, wear=self._wear(end))
+        wear = wear_at(self._scenario, end)
+        temperature = law(self._speed, self._feed, self._depth, wear=wear)
         hotter = log(temperature / failure.collapse_temperature)
         spread = HEAT_MARGIN * self._spread(law) + MIN_HEAT_SPREAD
-        by_hot_spots = HOT_SPOTS * _probability(hotter / spread)
+        by_hot_spots = HOT_SPOTS * probability(hotter / spread).below
         # If even the mean is this far above the critical temperature, the edge collapses at once.
         collapse = np.where(hotter > spread, np.inf, by_hot_spots)
         return chipping + collapse
@@ -255,44 +260,25 @@ class _Cut:
         force_spread = self._spread(self._material.thrust_force)
         spread = hypotenuse(force_spread, self._strength_spread)
         reserve = log(self._strength / self._force(used_life))
-        stronger_than_force = _probability(reserve / spread)
+        stronger_than_force = probability(reserve / spread).below
 
         notch = np.maximum(self._failure.notch_growth * used_life, MIN_POSITIVE)
         notch_spread = max(self._strength_spread, MIN_POSITIVE)
-        stronger_than_notch = _probability(-log(notch) / notch_spread)
+        stronger_than_notch = probability(-log(notch) / notch_spread).below
         return stronger_than_force * stronger_than_notch + MIN_POSITIVE
-
-    def _wear(self, used_life: Array) -> Any:
-        """Return the flank wear [mm]."""
-        return self._criterion * real_power(used_life, self._material.wear.time)
 
     def _force(self, used_life: Array) -> Any:
         """Return the thrust force [N], with that of chatter."""
-        wear = self._wear(used_life)
+        wear = wear_at(self._scenario, used_life)
         force = self._material.thrust_force(self._speed, self._feed, self._depth, wear=wear)
         return force * self._dynamic
 
-    def _power(self, used_life: Array) -> Any:
-        """Return the power [kW], with the idling spindle's, over its share that is available."""
-        wear = self._wear(used_life)
-        cutting_power = self._material.power(self._speed, self._feed, self._depth, wear=wear)
-        power = cutting_power + idle_power_at(self._scenario, self._speed)
-        return power / capacity_at(self._scenario, self._speed)
-
     def _spread(self, law: PowerLaw) -> Any:
         """Return the standard deviation of a log response over bars."""
-        return hypotenuse(
-            law.depth_of_cut * self._depth_spread, law.hardness * self._hardness_spread
-        )
+        return load_spread(law, self._scenario.workpiece)
 
 
 def _bump(speed: Array, height: float, centre: float, width: float) -> Any:
     """Return a bell curve over log speed."""
     distance = log(speed / centre) / width
     return height * exp(-distance * distance)
-
-
-def _probability(x: Any) -> Any:
-    """Return the probability that a standard normal number is below x."""
-    above = exp(-0.5 * x * x) * tail(np.abs(x))
-    return np.where(x < 0.0, above, 1.0 - above)

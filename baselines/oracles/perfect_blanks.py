@@ -30,6 +30,7 @@ from turning_env.numerics.compilation import compiled, compiled_entry
 from turning_env.numerics.functions import exp, log, real_power
 from turning_env.physics.records import block_records
 from turning_env.policy import Actions, Observations, Policy
+from turning_env.scenario.laws import edge_price
 
 VERSION = 1  # raised when its actions change
 CELLS = 60  # of a blank
@@ -181,7 +182,7 @@ def _task(scenario: Scenario) -> Task:
     machine = scenario.machine
     work = scenario.workpiece
     exponent = scenario.material.wear.time
-    change = economics.edge_cost + economics.edge_change_time
+    change = edge_price(scenario)
     pitch = work.bar_length + work.approach
     return Task(
         force=_load(scenario.material.thrust_force, scenario.limits.thrust_force),

@@ -37,8 +37,8 @@ from turning_env.numerics.compilation import compiled, compiled_entry
 from turning_env.numerics.conversions import spindle_speed_at
 from turning_env.numerics.functions import exp, log, real_power
 from turning_env.physics.drives import lag_share
-from turning_env.physics.spindle import capacity_at, idle_power_at
 from turning_env.policy import Actions, Observations, Policy
+from turning_env.scenario.laws import capacity_at, idle_power_at
 
 VERSION = 1  # raised when its actions change
 HELD_STEPS = 2

@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 from turning_env.numerics.conversions import feed_velocity_at
 from turning_env.numerics.functions import log
 from turning_env.observation import Reading
-from turning_env.physics.spindle import capacity_at, idle_power_at
 from turning_env.scenario import Scenario
+from turning_env.scenario.laws import capacity_at, idle_power_at
 from turning_env.scenario.power_law import PowerLaw, wear_exponent
 
 # Margins of expected loads to the tolerance above their limits [standard deviations].

@@ -17,8 +17,8 @@ from turning_control.readings import (
 )
 
 from turning_env.observation import Reading
-from turning_env.physics.spindle import idle_power_at
 from turning_env.scenario import Scenario
+from turning_env.scenario.laws import idle_power_at
 
 # A fault that chance or a lag can explain for a moment must last this long [s], and this number of
 # control intervals: at long intervals, a short time holds too few readings.

@@ -22,8 +22,8 @@ from turning_shop.allowed import feed_range
 from turning_shop.whatif import NO_LIMIT
 
 from turning_env.numerics.conversions import cutting_speed_at
-from turning_env.physics.spindle import capacity_at, idle_power_at
 from turning_env.scenario import Scenario
+from turning_env.scenario.laws import capacity_at, idle_power_at
 
 if TYPE_CHECKING:
     from turning_shop.prediction import Evidence

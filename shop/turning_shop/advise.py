@@ -30,8 +30,8 @@ from turning_shop.tables import records
 from turning_shop.units import METRIC, Units, short
 from turning_shop.whatif import CHANGES, NO_LIMIT, Cuts, what_if
 
-from turning_env.physics.spindle import capacity_at
 from turning_env.scenario import Scenario
+from turning_env.scenario.laws import capacity_at
 from turning_env.scenario.sections import FeedLimit
 
 MAX_SPEEDS = 120  # round cutting speeds that are tried
@@ -297,17 +297,13 @@ class _Closest(NamedTuple):
 
 def _closest(scenario: Scenario, cuts: Cuts) -> _Closest:
     """Return the cut that comes nearest to the limits of load."""
-    allowed = allowed_loads(scenario)
-    max_power = allowed.power * capacity_at(scenario, cuts.cutting_speed)
-    force_share = cuts.thrust_force / allowed.thrust_force
-    power_share = cuts.power / max_power
-    share = np.maximum(force_share, power_share)
-    index = int(share.argmin())
+    shares = allowed_loads(scenario).shares(scenario, cuts)
+    index = int(shares.highest.argmin())
     return _Closest(
         cuts=Cuts(*(np.asarray(values.flat[index]) for values in cuts)),
-        share=float(share.flat[index]),
-        by_force=bool(force_share.flat[index] > 1.0),
-        by_power=bool(power_share.flat[index] > 1.0),
+        share=float(shares.highest.flat[index]),
+        by_force=bool(shares.thrust_force.flat[index] > 1.0),
+        by_power=bool(shares.power.flat[index] > 1.0),
     )
 
 

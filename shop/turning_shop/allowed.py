@@ -20,8 +20,15 @@ from turning_shop import WorkshopError
 from turning_shop.whatif import NO_LIMIT, Cuts
 
 from turning_env.numerics.wear_term import term_of_factor
-from turning_env.physics.spindle import capacity_at
+from turning_env.physics.slender_bar import CHUCK, SUPPORTS, compliance, rod_flexibility
 from turning_env.scenario import Scenario
+from turning_env.scenario.laws import (
+    LoadShares,
+    capacity_at,
+    feed_at_limit,
+    load_shares,
+    load_spread,
+)
 from turning_env.scenario.power_law import wear_exponent
 from turning_env.scenario.sections import FeedLimit
 
@@ -77,7 +84,7 @@ def feed_ends(scenario: Scenario) -> list[FeedEnd]:
     limit = scenario.limits.roughness
     if limit.bounds and limit.feed > 0.0:
         at_unit_feed = limit(1.0, 1.0, scenario.workpiece.depth_of_cut)
-        by_roughness = (limit.most / at_unit_feed) ** (1.0 / limit.feed)
+        by_roughness = feed_at_limit(limit, limit.most, at_unit_feed=at_unit_feed)
         reason = f"limits.roughness, {1000 * limit.most:g} um"
         ends.append(FeedEnd(float(by_roughness), reason))
     return sorted(ends)
@@ -144,11 +151,12 @@ class Allowed(NamedTuple):
 
     def keeps(self, scenario: Scenario, cuts: Cuts) -> NDArray[np.bool_]:
         """Return which cuts keep the loads and the wear criterion."""
-        max_power = self.power * capacity_at(scenario, cuts.cutting_speed)
-        wear_kept = cuts.wear_share <= 1.0
-        force_kept = cuts.thrust_force <= self.thrust_force
-        power_kept = cuts.power <= max_power
-        return np.asarray(wear_kept & force_kept & power_kept)
+        shares = self.shares(scenario, cuts)
+        return np.asarray((cuts.wear_share <= 1.0) & (shares.highest <= 1.0))
+
+    def shares(self, scenario: Scenario, cuts: Cuts) -> LoadShares:
+        """Return the loads of cuts over the allowed ones."""
+        return load_shares(cuts, self, capacity=capacity_at(scenario, cuts.cutting_speed))
 
 
 def allowed_loads(scenario: Scenario) -> Allowed:
@@ -165,7 +173,8 @@ def allowed_loads(scenario: Scenario) -> Allowed:
     by_strength = False
     if tool.edge_strength < NO_STRENGTH:
         # Strength and force are log-normal and independent, so that their variances add.
-        spread = math.hypot(tool.edge_strength_spread, load_spread(scenario, "thrust_force"))
+        force_spread = load_spread(scenario.material.thrust_force, scenario.workpiece)
+        spread = math.hypot(tool.edge_strength_spread, force_spread)
         bearable = tool.edge_strength * math.exp(-STRENGTH_DEVIATIONS * spread)
         by_strength = bearable < force
         force = min(force, bearable)
@@ -194,27 +203,20 @@ def bending_force(scenario: Scenario, diameter: float, length: float) -> float:
     Radial forces bend both as beams, one after the other, so that their compliances add.
     """
     work = scenario.workpiece
-    compliance = _bar_compliance(scenario, diameter, length) + _holder_compliance(scenario)
-    largest = compliance * work.radial_share
+    of_bar = _bar_compliance(scenario, diameter, length)
+    largest = (of_bar + _holder_compliance(scenario)) * work.radial_share
     return MAX_DEFLECTION / largest if largest > 0.0 else math.inf
 
 
 def _bar_compliance(scenario: Scenario, diameter: float, length: float) -> float:
-    """Return the largest deflection over radial force along a bar [mm/N].
-
-    Beam theory, as in ``turning_env.physics.slender_bar``: it is a^3 / (3 E I) at a distance a to
-    the chuck, with a tailstock times b^2 (3 a + 4 b) / (4 L^3), with b = L - a.
-    """
+    """Return the largest deflection over radial force along a bar [mm/N]."""
     work = scenario.workpiece
     if work.support == "rigid":
         return 0.0
-    from_chuck = np.linspace(0.0, 1.0, PLACES)  # over the length
-    relative = from_chuck**3
-    if work.support == "tailstock":
-        from_tail = 1.0 - from_chuck
-        relative = relative * from_tail**2 * (3.0 * from_chuck + 4.0 * from_tail) / 4.0
-    flexibility = _cantilever_compliance(length, diameter, work.elastic_modulus)
-    return flexibility * float(relative.max())
+    along = length * np.linspace(0.0, 1.0, PLACES)
+    flexibility = rod_flexibility(diameter, work.elastic_modulus)
+    compliances = compliance(SUPPORTS[work.support], along, length, flexibility)
+    return float(compliances.max())
 
 
 def _holder_compliance(scenario: Scenario) -> float:
@@ -222,13 +224,9 @@ def _holder_compliance(scenario: Scenario) -> float:
     tool = scenario.tool
     if not tool.overhang:
         return 0.0
-    return _cantilever_compliance(tool.overhang, tool.shank_diameter, tool.shank_modulus)
-
-
-def _cantilever_compliance(length: float, diameter: float, modulus: float) -> float:
-    """Return L^3 / (3 E I) [mm/N] of a round cantilever; lengths in mm, the modulus in N/mm2."""
-    inertia = math.pi * diameter**4 / 64.0
-    return length**3 / (3.0 * modulus * inertia)
+    # A holder is a cantilever like a bar in a chuck, loaded at its free end.
+    flexibility = rod_flexibility(tool.shank_diameter, tool.shank_modulus)
+    return float(compliance(CHUCK, 0.0, tool.overhang, flexibility))
 
 
 def bending_parts(scenario: Scenario) -> str:
@@ -334,18 +332,6 @@ def limited_by_bending(scenario: Scenario, diameter: float, length: float) -> tu
     return _with_thrust_limit(scenario, force), note
 
 
-def load_spread(scenario: Scenario, name: str) -> float:
-    """Return the log standard deviation of a load from place to place of the bars [-].
-
-    Bars vary in depth and hardness, which the load follows with its exponents.
-    """
-    work = scenario.workpiece
-    law = getattr(scenario.material, name)
-    depth = math.hypot(work.depth_bar_spread, work.depth_along_spread) / work.depth_of_cut
-    hardness = math.hypot(work.hardness_bar_spread, work.hardness_along_spread)
-    return math.hypot(law.depth_of_cut * depth, law.hardness * hardness)
-
-
 def _overload_factor(scenario: Scenario, name: str, num_limits: int) -> float:
     """Return the largest load of a nominal bar at the edge change over its limit [-].
 
@@ -361,7 +347,7 @@ def _overload_factor(scenario: Scenario, name: str, num_limits: int) -> float:
     """
     limits = scenario.limits
     law = getattr(scenario.material, name)
-    bar_spread = load_spread(scenario, name)
+    bar_spread = load_spread(law, scenario.workpiece)
     allowance = max(limits.overload_allowance / num_limits, MIN_ALLOWANCE)
     if bar_spread == 0.0 or allowance >= 0.5:
         return 1.0

@@ -22,7 +22,6 @@ from turning_shop.prediction import Evidence, longest_life, outside
 from turning_shop.units import METRIC, Units
 from turning_shop.whatif import what_if
 
-from turning_env.physics.spindle import capacity_at
 from turning_env.scenario import Scenario
 
 _HERE = Path(__file__).parent
@@ -179,8 +178,7 @@ def _quantities(scenario: Scenario, evidence: Evidence, planned: Plan) -> dict[s
     """Return what the page shows of plans at one depth."""
     cuts = planned.cuts
     prediction = planned.prediction
-    allowed = allowed_loads(scenario)
-    allowed_power = allowed.power * capacity_at(scenario, cuts.cutting_speed)
+    shares = allowed_loads(scenario).shares(scenario, cuts)
     # A life beyond the one that the law is used for is infinite: wear does not limit it.
     is_used = cuts.tool_life <= longest_life(evidence)
     quantities = {
@@ -189,8 +187,8 @@ def _quantities(scenario: Scenario, evidence: Evidence, planned: Plan) -> dict[s
         "tool_life": np.where(is_used, cuts.tool_life, np.inf),
         "removal_rate": cuts.removal_rate,
         "spindle_speed": cuts.spindle_speed,
-        "thrust_force_share": cuts.thrust_force / allowed.thrust_force,
-        "power_share": cuts.power / allowed_power,
+        "thrust_force_share": shares.thrust_force,
+        "power_share": shares.power,
         "extrapolated": prediction.extrapolated,
     }
     for name in ("thrust_force", "power", "tool_life"):

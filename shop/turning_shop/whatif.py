@@ -11,8 +11,14 @@ from numpy.typing import ArrayLike, NDArray
 from turning_shop import Values
 
 from turning_env.numerics.conversions import spindle_speed_at
-from turning_env.physics.spindle import capacity_at, idle_power_at
 from turning_env.scenario import Scenario
+from turning_env.scenario.laws import (
+    capacity_at,
+    life_rate,
+    load_shares,
+    loads_at,
+    removal_rate_at,
+)
 
 NO_LIMIT = {"thrust_force": 1e6, "power": 1e4}
 """Limits [N], [kW] that count as none: the largest that a scenario may have. Their share is 0."""
@@ -71,8 +77,7 @@ def what_if(
     """Predict cuts by an edge of a cutting ``time`` or a ``wear``; give exactly one of them.
 
     All values are positive scalars or arrays that broadcast to one shape, in the units of ``Cuts``.
-    The depth of cut is the scenario's nominal one if it is None. A tool life that overflows is
-    infinite.
+    The depth of cut is the scenario's nominal one if it is None. Tool lives are at most 1e308 min.
 
     Raises:
         TypeError: Both or neither of time and wear are given.
@@ -92,34 +97,29 @@ def what_if(
     material = scenario.material
     criterion = scenario.tool.wear_criterion
     with np.errstate(over="ignore"):
-        # W = c(V, f, d, H) t^g, where c is the wear after a minute; solved for the time.
-        after_a_minute = material.wear(**settings, time=1.0)
-        exponent = 1.0 / material.wear.time
         if time is None:
             edge_wear = age
-            edge_time = (age / after_a_minute) ** exponent
+            edge_time = 1.0 / life_rate(material.wear, age, **settings)
         else:
             edge_wear = material.wear(**settings, time=age)
             edge_time = age
-        life = (criterion / after_a_minute) ** exponent
-        force = material.thrust_force(**settings, wear=edge_wear)
-        power = material.power(**settings, wear=edge_wear) + idle_power_at(scenario, speed)
+        life = 1.0 / life_rate(material.wear, criterion, **settings)
+        loads = loads_at(scenario, **settings, wear=edge_wear)
 
     limits = scenario.limits
     has_force_limit = limits.thrust_force < NO_LIMIT["thrust_force"]
     has_power_limit = limits.power < NO_LIMIT["power"]
-    power_limit = limits.power * capacity_at(scenario, speed)
+    shares = load_shares(loads, limits, capacity=capacity_at(scenario, speed))
     return Cuts(
         **settings,
         time=edge_time,
         wear=edge_wear,
-        thrust_force=force,
-        power=power,
+        thrust_force=loads.thrust_force,
+        power=loads.power,
         tool_life=life,
-        # m/min mm mm is cm3/min.
-        removal_rate=speed * settings["feed"] * settings["depth_of_cut"],
+        removal_rate=removal_rate_at(speed, settings["feed"], settings["depth_of_cut"]),
         spindle_speed=spindle_speed_at(speed, scenario.workpiece.diameter),
         wear_share=edge_wear / criterion,
-        thrust_force_share=force / limits.thrust_force * has_force_limit,
-        power_share=power / power_limit * has_power_limit,
+        thrust_force_share=shares.thrust_force * has_force_limit,
+        power_share=shares.power * has_power_limit,
     )

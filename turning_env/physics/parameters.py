@@ -11,13 +11,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from turning_env.numerics.conversions import spindle_speed_at
-from turning_env.numerics.functions import log, real_power
+from turning_env.numerics.functions import log
 from turning_env.physics.drives import lag_share
 from turning_env.physics.quantities import ACTIONS, EDGE_CHANGES, OBS, OBSERVATION, layout
-from turning_env.physics.slender_bar import RIGID, SUPPORTS
-from turning_env.physics.spindle import idle_power_at
+from turning_env.physics.slender_bar import RIGID, SUPPORTS, rod_flexibility
 from turning_env.physics.wear import WEAR_RULES
 from turning_env.scenario import Scenario, ScenarioBatch
+from turning_env.scenario.laws import chatter_cutting_speed, idle_power_at, used_life_at
 from turning_env.scenario.power_law import POWER_LAW_RECORD
 from turning_env.scenario.section import declared_ranges
 from turning_env.scenario.sections import MAX_DEPTHS, NO_LIMIT
@@ -140,17 +140,6 @@ def _path_end(s: Source) -> float:
     return s.workpiece.bars * _bar_pitch(s) if s.workpiece.bars else np.inf
 
 
-def _bar_flexibility(s: Source) -> float:
-    """Return 1 / (3 E I) (beam theory)."""
-    moment = np.pi * s.workpiece.diameter**4 / 64.0  # second moment of area [mm4]
-    return 1.0 / (3.0 * s.workpiece.elastic_modulus * moment)
-
-
-def _initial_used_life(s: Source) -> Any:
-    """Return D = (W / W_max)^(1/n) of a new edge."""
-    return real_power(s.mismatch.initial_wear / s.tool.wear_criterion, 1.0 / s.material.wear.time)
-
-
 def _log_span(section: Any, name: str) -> Any:
     """Return log(highest / lowest) of a range of a section."""
     return log(getattr(section, f"{name}_max") / getattr(section, f"{name}_min"))
@@ -160,10 +149,6 @@ def _log_collapse_temperature(s: Source) -> Any:
     temperature = s.edge_failure.collapse_temperature
     # At 0, edges never collapse.
     return log(np.where(np.equal(temperature, 0.0), np.inf, temperature))
-
-
-def _log_chatter_cutting_speed(s: Source) -> Any:
-    return log(np.pi * s.workpiece.diameter * s.machine.chatter_speed / 1000.0)
 
 
 def _ends_with_edge(s: Source) -> bool:
@@ -227,7 +212,12 @@ PARAMETERS = (
     _field("tool.wear_factor_spread"),
     _field("tool.edge_strength"),
     _field("tool.edge_strength_spread"),
-    P("initial_used_life", "-", "used life of a new edge", value=_initial_used_life),
+    P(
+        "initial_used_life",
+        "-",
+        "used life of a new edge",
+        value=lambda s: used_life_at(s, s.mismatch.initial_wear),
+    ),
     P(
         "log_wear_mismatch",
         "-",
@@ -320,7 +310,7 @@ PARAMETERS = (
         "log_chatter_cutting_speed",
         "-",
         "log of the cutting speed [m/min] at the worst spindle speed",
-        value=_log_chatter_cutting_speed,
+        value=lambda s: log(chatter_cutting_speed(s)),
     ),
     _field("machine.return_time"),
     # The spindle's motor.
@@ -443,7 +433,12 @@ PARAMETERS = (
         value=lambda s: SUPPORTS[s.workpiece.support] != RIGID,
         dtype=np.bool_,
     ),
-    P("bar_flexibility", "1/(N mm2)", "1 / (3 E I)", value=_bar_flexibility),
+    P(
+        "bar_flexibility",
+        "1/(N mm2)",
+        "1 / (3 E I)",
+        value=lambda s: rod_flexibility(s.workpiece.diameter, s.workpiece.elastic_modulus),
+    ),
     _field("workpiece.radial_share"),
     # Model mismatch of bars and sensors.
     P(

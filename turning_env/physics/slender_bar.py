@@ -7,6 +7,10 @@ Chatter is a dynamic force about one spindle speed n_c (assumption). Its ratio t
 is c (depth / nominal depth) exp(-(log(n / n_c) / s)^2). Power stays, because its mean does.
 """
 
+from typing import Any
+
+import numpy as np
+
 from turning_env.numerics.compilation import compiled
 from turning_env.numerics.functions import exp
 
@@ -14,19 +18,31 @@ RIGID, CHUCK, TAILSTOCK = range(3)
 SUPPORTS = {"rigid": RIGID, "chuck": CHUCK, "tailstock": TAILSTOCK}
 
 
+def rod_flexibility(diameter: Any, elastic_modulus: Any) -> Any:
+    """Return 1 / (3 E I) of a round rod [1/(N mm2)], with its diameter [mm] and E [N/mm2]."""
+    moment = np.pi * diameter**4 / 64.0  # second moment of area [mm4]
+    return 1.0 / (3.0 * elastic_modulus * moment)
+
+
 @compiled
-def compliance(p, i, along):
-    """Return deflection over radial force [mm/N] at a place along the bar [mm].
+def compliance(support, along, length, flexibility):
+    """Return deflection over radial force [mm/N] at places along a bar [mm].
 
     Beam theory (Euler and Bernoulli), with a the distance to the chuck, b the one to the free end:
     a^3 / (3 E I), with a tailstock times b^2 (3 a + 4 b) / (4 L^3).
+
+    Args:
+        support: ``CHUCK`` or ``TAILSTOCK``.
+        along: distance to the free end [mm].
+        length: of the bar from the chuck to its free end [mm].
+        flexibility: ``rod_flexibility`` [1/(N mm2)].
     """
-    a = p.bar_length[i] - along
-    cantilever = a * a * a * p.bar_flexibility[i]
-    if p.support == CHUCK:
+    a = length - along
+    cantilever = a * a * a * flexibility
+    if support == CHUCK:
         return cantilever
     # In units of the length, where a + b = 1, the factor is b^2 (3 + b) / 4.
-    b = along / p.bar_length[i]
+    b = along / length
     return cantilever * b * b * (3.0 + b) * 0.25
 
 
@@ -44,7 +60,8 @@ def bend_bar(state, work, i, p):
     The depth d, commanded as d_0, solves d = d_0 - q d, with the compliance times the radial
     stiffness of the cut q. So d = d_0 / (1 + q).
     """
-    share = compliance(p, i, work.along[i]) * p.radial_share[i] * work.cut_stiffness[i]
+    compliance_here = compliance(p.support, work.along[i], p.bar_length[i], p.bar_flexibility[i])
+    share = compliance_here * p.radial_share[i] * work.cut_stiffness[i]
     depth = state.depth_of_cut[i]
     state.depth_of_cut[i] = depth / (1.0 + share) if work.engaged[i] > 0.0 else depth
 

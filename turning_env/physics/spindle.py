@@ -4,27 +4,11 @@ At the speed n, the share c(n) = min(1, n / n_b) of the rated power P_r is avail
 speed n_b. The limit of power falls with c. The heat h of the motor follows
 tau dh/dt = (P / (c P_r))^2 - h; until h reaches 1, the limit is ``short_time_load`` times as high.
 What exceeds the limit counts as overload; the speed does not drop (assumption). Sources:
-``docs/models.md``.
+``docs/models.md``. For arrays: ``scenario/laws.py``.
 """
-
-from typing import Any
-
-import numpy as np
 
 from turning_env.numerics.compilation import compiled
 from turning_env.numerics.functions import exp
-from turning_env.scenario import Scenario, ScenarioBatch
-
-
-def capacity_at(scenario: Scenario | ScenarioBatch, cutting_speed: Any) -> Any:
-    """Return ``capacity`` [-] at cutting speeds [m/min], scalar or array."""
-    return np.minimum(cutting_speed / (scenario.base_cutting_speed or cutting_speed), 1.0)
-
-
-def idle_power_at(scenario: Scenario | ScenarioBatch, cutting_speed: Any) -> Any:
-    """Return ``idle_power`` [kW] at cutting speeds [m/min], scalar or array."""
-    # P = 2 pi n M_0 with n = vc / (pi d); 30 converts m/min, mm and N m to kW.
-    return scenario.spindle.idle_torque / (30.0 * scenario.workpiece.diameter) * cutting_speed
 
 
 @compiled

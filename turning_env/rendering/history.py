@@ -4,8 +4,8 @@ from collections import deque
 from typing import Any, NamedTuple
 
 from turning_env.batch.driver import Batch
-from turning_env.physics.spindle import capacity_at
 from turning_env.rendering.fields import Fields, Pass
+from turning_env.scenario.laws import capacity_at
 
 STEPS = 240  # past steps that the chart of loads shows
 _MIN_WEAR = 1e-4  # [mm]; maps show its logarithm, which a fresh edge's wear of 0 does not have

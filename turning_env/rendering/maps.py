@@ -14,7 +14,6 @@ from typing import NamedTuple
 from PIL import Image, ImageDraw
 
 from turning_env.physics.parts import MIN_DEPTH
-from turning_env.physics.spindle import idle_power_at
 from turning_env.rendering.history import History, Sample
 from turning_env.rendering.theme import (
     ALLOWED,
@@ -48,6 +47,7 @@ from turning_env.rendering.theme import (
     write_up,
 )
 from turning_env.scenario import Scenario
+from turning_env.scenario.laws import idle_power_at
 from turning_env.scenario.power_law import PowerLaw
 
 _TRAIL = 90  # past steps that the map shows

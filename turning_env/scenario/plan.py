@@ -11,8 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turning_env.numerics.conversions import feed_velocity_at
-from turning_env.numerics.functions import exp, hypotenuse, log
+from turning_env.numerics.functions import exp, log
 from turning_env.numerics.wear_term import log_wear_term
+from turning_env.scenario.laws import (
+    capacity_at,
+    depth_spread,
+    edge_price,
+    hardness_spread,
+    idle_power_at,
+    machining_cost,
+    power_capacity,
+)
 from turning_env.scenario.power_law import log_response, wear_exponent
 from turning_env.scenario.scenario_batch import ScenarioBatch
 
@@ -67,11 +76,8 @@ class SetPointGrid:
         # Shares of the limits of force and power; ``excess`` has the factors of wear and bars.
         self._force_share = self._response(material.thrust_force, -log(limits.thrust_force))
         self._power_share = self._response(material.power, -log(limits.power))
-        idle_power = s.spindle.idle_torque / (30.0 * s.workpiece.diameter)  # [kW min/m]
-        self._idle_share = _column(idle_power / limits.power) * self.speed
-        # Below the base speed, the spindle has only a share of its power.
-        base_speed = np.maximum(s.base_cutting_speed, 1e-9)
-        self._capacity = np.minimum(self.speed / _column(base_speed), 1.0)
+        self._idle_share = _column(idle_power_at(s, 1.0) / limits.power) * self.speed
+        self._capacity = power_capacity(self.speed, _column(s.base_cutting_speed))
 
     def _response(self, law: Any, log_rest: Any, exponent: Any = 1.0) -> Any:
         """Return ``(exp(log_rest) * speed**a * feed**b) ** exponent`` over the grid.
@@ -119,10 +125,8 @@ def log_response_at(
     A used life of 0 is for laws without wear. ``deviations`` is that of ``SetPointGrid.excess``.
     """
     work = s.workpiece
-    depth_spread = hypotenuse(work.depth_bar_spread, work.depth_along_spread)
-    hardness_spread = hypotenuse(work.hardness_bar_spread, work.hardness_along_spread)
-    depth = work.depth_of_cut + deviations * depth_spread
-    log_hardness = log(s.mismatch.hardness_factor) + deviations * hardness_spread
+    depth = work.depth_of_cut + deviations * depth_spread(work)
+    log_hardness = log(s.mismatch.hardness_factor) + deviations * hardness_spread(work)
     log_wear = 0.0
     if used_life > 0.0:
         log_wear = log(s.tool.wear_criterion) + s.material.wear.time * log(used_life)
@@ -160,14 +164,14 @@ def plan_of(s: ScenarioBatch) -> Plan:
     count = s.num_scenarios
     rows = np.arange(count)
     excesses = [grid.excess(used_life) for used_life in USED_LIVES]
-    edge_price = _column(s.economics.edge_cost + s.economics.edge_change_time)  # [min]
+    price = _column(edge_price(s))  # [min]
 
     # The removal rate that pays for machine time is the best that one set point sustains.
-    sustained = grid.removal_rate / (1.0 + edge_price * grid.life_rate)
+    sustained = grid.removal_rate / machining_cost(1.0, grid.life_rate, price)
     sustained = np.where(excesses[MIDDLE] <= 0.0, sustained, 0.0)
     removal_rate = sustained.reshape(count, -1).max(axis=1)
     value = grid.removal_rate / np.maximum(_column(removal_rate), _MIN_REMOVAL_RATE)
-    value = value - edge_price * grid.life_rate
+    value = value - price * grid.life_rate
 
     shape = (count, len(USED_LIVES))
     speed = np.empty(shape)
@@ -247,24 +251,13 @@ def _log_loads(s: ScenarioBatch, plan: Plan) -> dict[str, Any]:
     loads = {}
     for law_name, limit in (
         ("thrust_force", s.limits.thrust_force),
-        ("power", _power_limit(s, plan)),
+        ("power", s.limits.power * capacity_at(s, plan.speed[:, MIDDLE])),
     ):
         law = getattr(s.material, law_name)
         of_set_point = law.cutting_speed * log_speed + law.feed * log_feed
         log_load = of_set_point + log_response_at(s, law_name, USED_LIVES[MIDDLE])
         loads[f"log_{law_name}_load"] = log_load - log(limit)
     return loads
-
-
-def _over_base_speed(s: ScenarioBatch, plan: Plan) -> Any:
-    """Return the best cutting speed of half a life over the base speed [-]."""
-    over_base_speed = plan.speed[:, MIDDLE] / np.maximum(s.base_cutting_speed, 1.0)
-    return np.minimum(over_base_speed, _MAX_SPEED_RATIO)
-
-
-def _power_limit(s: ScenarioBatch, plan: Plan) -> Any:
-    """Return the limit of power at the best cutting speed of half a life [kW]."""
-    return s.limits.power * np.minimum(_over_base_speed(s, plan), 1.0)
 
 
 def _positive_numbers(s: ScenarioBatch, plan: Plan) -> dict[str, Any]:
@@ -276,14 +269,15 @@ def _positive_numbers(s: ScenarioBatch, plan: Plan) -> dict[str, Any]:
     speed = plan.speed[:, MIDDLE]
     feed = plan.feed[:, MIDDLE]
     travel = feed_velocity_at(speed, feed, work.diameter)
-    idle_power = s.spindle.idle_torque / (30.0 * work.diameter) * speed  # [kW]
+    power_limit = s.limits.power * capacity_at(s, speed)
+    over_base_speed = speed / np.maximum(s.base_cutting_speed, 1.0)
     lowest_feed, highest_feed = s.feed_range
     return {
         "life": plan.life[:, MIDDLE],
         "removal_rate": plan.removal_rate,
         "edge_price": economics.edge_cost,
         "edge_change_time": economics.edge_change_time,
-        "idle_power": idle_power / _power_limit(s, plan),
+        "idle_power": idle_power_at(s, speed) / power_limit,
         "edge_strength": tool.edge_strength / s.limits.thrust_force,
         "wear_factor_spread": tool.wear_factor_spread,
         "depth_bar_spread": work.depth_bar_spread / work.depth_of_cut,
@@ -297,7 +291,7 @@ def _positive_numbers(s: ScenarioBatch, plan: Plan) -> dict[str, Any]:
         "spindle_time_constant": machine.spindle_time_constant,
         "diameter": work.diameter,
         "depth_of_cut": work.depth_of_cut,
-        "speed_over_base_speed": _over_base_speed(s, plan),
+        "speed_over_base_speed": np.minimum(over_base_speed, _MAX_SPEED_RATIO),
         "lowest_feed": lowest_feed / machine.feed_min,
         "highest_feed": highest_feed / machine.feed_min,
         "speed_over_fastest": speed / s.cutting_speed_max,

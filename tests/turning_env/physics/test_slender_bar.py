@@ -8,8 +8,15 @@ import pytest
 from tests.turning_env.physics.one_env import ENV, put, records_of
 from tests.turning_env.playing import UNDISTURBED, changed, play
 from turning_env import RoughTurningEnv, Scenario
-from turning_env.physics.records import parameter_records
-from turning_env.physics.slender_bar import bend_bar, chatter, compliance, note_stiffness
+from turning_env.physics.slender_bar import (
+    CHUCK,
+    SUPPORTS,
+    bend_bar,
+    chatter,
+    compliance,
+    note_stiffness,
+    rod_flexibility,
+)
 
 LENGTH = 200.0  # [mm]
 DIAMETER = 30.0  # [mm]
@@ -42,18 +49,19 @@ def bar(support: str) -> Scenario:
     ],
 )
 def test_deflections_are_those_of_the_handbook(support: str, along: float, expected: float) -> None:
-    p = parameter_records(bar(support))[0]
-    assert compliance(p, 0, along) == pytest.approx(expected, rel=1e-12, abs=1e-18)
+    flexibility = rod_flexibility(DIAMETER, MODULUS)
+    deflection = compliance(SUPPORTS[support], along, LENGTH, flexibility)
+    assert deflection == pytest.approx(expected, rel=1e-12, abs=1e-18)
 
 
 def test_the_depth_of_cut_lacks_the_deflection() -> None:
     """The deflection is compliance times radial force, to the first order of a sub-step."""
     scenario = bar("chuck")
-    p = parameter_records(scenario)[0]
     actions = np.zeros((20, 2), np.float32)
     record = play(RoughTurningEnv(scenario), seed=0, actions=actions)
     cut = record["cutting"] & (record["path"] > 5.0)
-    compliances = np.array([compliance(p, 0, along) for along in record["path"][cut]])
+    flexibility = rod_flexibility(DIAMETER, scenario.workpiece.elastic_modulus)
+    compliances = compliance(CHUCK, record["path"][cut], LENGTH, flexibility)
     radial_force = scenario.workpiece.radial_share * record["thrust_force"][cut]
     deflection = compliances * radial_force
     assert deflection.max() > 0.05
