@@ -24,7 +24,7 @@ from leaderboard import family
 from leaderboard.adapt import as_factory
 from leaderboard.agents import network, onnx_policy
 from leaderboard.agents.agent_file import ONNX_SUFFIX, check_fits, informed
-from leaderboard.agents.onnx_policy import LIMITS
+from leaderboard.agents.sandbox import LIMITS
 from leaderboard.notices import notify_once
 from leaderboard.play import EPISODE_FIELDS, Episodes, play
 from leaderboard.result import ResultError, Task
@@ -303,7 +303,7 @@ def agents(
         keep: whether they may have the name of an agent that comes with the project; else
             ``my_`` is put before it.
         seconds: processor time that the agent of a file may use for all episodes [s]; None:
-            ``leaderboard.agents.onnx_policy.LIMITS``.
+            ``leaderboard.agents.sandbox.LIMITS``.
         refused: agents that are left out; those that cannot play, for whatever reason, are added.
             None: raise the first reason.
         forgets: whether policies of a family forget everything at each change of the edge.

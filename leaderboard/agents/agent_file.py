@@ -26,8 +26,8 @@ from baselines.belief import Belief, BeliefPolicy, with_belief
 from baselines.guided import HOLD, GuidedPolicy, decision_space, feature_space
 from baselines.policy_spec import Parameters, PolicySpec, ScenarioId, Text
 from leaderboard.agents import network
+from leaderboard.agents.messages import Outline
 from leaderboard.agents.network import MAX_BYTES, MAX_MEMORY
-from leaderboard.agents.sandbox_child import Outline
 from leaderboard.inputs import Inputs
 from turning_env import ALL_IDS, FAMILY_ID, Family, Scenario
 from turning_env.batch.driver import action_space, observation_space

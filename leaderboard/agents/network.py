@@ -1,7 +1,8 @@
 """Check that an agent's network is plain arithmetic of moderate size, and try it.
 
-Strangers' files are checked by a process of their own (``sandbox_child.py``), which imports this
-file without the rest of the package. What the metadata mean is left to ``agent_file.py``.
+``StrictNetwork`` does so in the process that runs a stranger's file (``sandbox_child.py``), which
+imports this file without the rest of the package. What the metadata mean is left to
+``agent_file.py``.
 """
 
 import math
@@ -10,6 +11,7 @@ from typing import Any
 import numpy as np
 import onnx
 
+from leaderboard.agents.messages import Outline
 from leaderboard.agents.onnx_session import (
     EXPORT,
     Floats,
@@ -18,7 +20,6 @@ from leaderboard.agents.onnx_session import (
     first_line,
     session_of,
 )
-from leaderboard.agents.sandbox_child import Outline
 
 MAX_BYTES = 20_000_000
 MAX_NODES = 4_000
@@ -45,6 +46,42 @@ be taken in another order."""
 _MAX_QUOTED = 60  # characters of a damaged text that an error quotes
 _NUM_ENVS = 8  # with which a network is tried
 _DOMAINS = ("", "ai.onnx")  # both name ONNX's own operators
+# The first actions are checked, and then one of so many at random, which no network can foresee.
+_FIRST_CHECKS = 2
+_CHECK_EVERY = 32
+
+
+class StrictNetwork:
+    """A network that is plain arithmetic of moderate size, and acts reproducibly."""
+
+    def read(self, content: bytes) -> Outline:
+        """Return the outline, or raise ValueError if the file is not plain arithmetic."""
+        self._content = content
+        self._model, self._outline = read(content)
+        return self._outline
+
+    def session(self) -> Any:
+        """Return the session. Raise ValueError if sizes are too large, or a trial fails."""
+        check_sizes(self._model)
+        del self._model
+        self._generator = np.random.default_rng()
+        outline = self._outline
+        return session_after_trial(
+            self._content,
+            entries=outline.inputs["observation"],
+            actions=outline.outputs["action"],
+            memory_size=outline.inputs.get("memory", 0),
+        )
+
+    def act(self, policy: OnnxPolicy, observations: Floats, call: int) -> Floats:
+        """Return a policy's actions, and check some of them.
+
+        Raises:
+            ValueError: actions depend on more than the observations.
+        """
+        if call < _FIRST_CHECKS or self._generator.integers(_CHECK_EVERY) == 0:
+            return act_checked(policy, observations, self._generator)
+        return policy.act(observations)
 
 
 def read(content: bytes) -> tuple[onnx.ModelProto, Outline]:

@@ -6,8 +6,8 @@
     agent = onnx_policy.load(Path("ppo-seed0.onnx"))
     policy = agent.make(1)
 
-The file is played in a process of its own. ``leaderboard/agents/sandbox.py`` talks to that
-process, which runs ``sandbox_child.py``. This side never looks into the file itself.
+The file is played in a sandbox (``sandbox.py``), which checks its network; ``agent_file.py`` checks
+its metadata. This side never looks into the file itself.
 """
 
 from contextlib import closing
@@ -20,47 +20,11 @@ from leaderboard.agents.agent_file import AgentFile, trained_policy
 from leaderboard.agents.sandbox import (
     LIMITS,
     AgentFileError,
-    AgentTimeoutError,
     GuardedPolicy,
     Limits,
     PolicyMaker,
+    Sandbox,
 )
-from leaderboard.agents.sandbox_child import Outline
-
-__all__ = [
-    "LIMITS",
-    "AgentFileError",
-    "AgentTimeoutError",
-    "GuardedPolicy",
-    "Limits",
-    "Sandbox",
-    "load",
-]
-
-
-class Sandbox(sandbox.Sandbox):
-    """A process that checks and plays an agent's file.
-
-    The file states all that ``Metadata`` names.
-    """
-
-    file: AgentFile
-
-    @staticmethod
-    def program() -> str:
-        """Return the program of the process."""
-        return sandbox.program_of("leaderboard.agents.agent_child")
-
-    def accept(self, content: bytes, outline: Outline) -> None:
-        """Read the metadata, or raise AgentFileError if the file is no agent's."""
-        try:
-            self.file = agent_file.of_outline(content, outline)
-        except ValueError as error:
-            raise AgentFileError(str(error)) from error
-        metadata = self.file.metadata
-        self.entries = len(metadata.observation_space.low)
-        self.actions = len(metadata.action_space.low)
-        self.memory_size = self.file.memory_size
 
 
 def load(path: Path, limits: Limits = LIMITS) -> PolicySpec:
@@ -84,12 +48,17 @@ def load(path: Path, limits: Limits = LIMITS) -> PolicySpec:
     except AgentFileError as error:
         raise type(error)(f"{path}: {error}") from error
     # Every policy has a process of its own, which checks the file again.
-    make = PolicyMaker(content, limits, Sandbox)
+    make = PolicyMaker(content, limits, strict=True)
     return trained_policy(file.metadata, file.metadata.trained_steps, file.digest, make)
 
 
 @lru_cache(64)
 def _checked(content: bytes) -> AgentFile:
     """Check a file once, as it plays many scenarios."""
-    with closing(Sandbox(content)) as opened:
-        return opened.file
+    with closing(Sandbox(content, strict=True)) as opened:
+        try:
+            file = agent_file.of_outline(content, opened.outline)
+        except ValueError as error:
+            raise AgentFileError(str(error)) from error
+        GuardedPolicy(opened, num_envs=1)  # tries the network
+        return file

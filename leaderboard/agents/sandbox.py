@@ -7,15 +7,17 @@
 
 This side sends observations, receives and checks actions, and limits how long it waits. It never
 looks into the file itself: ``sandbox_child.py`` is the process that does, and ``confinement.py``
-says what that process may still do.
+says what that process may still do. The others have a file each, too: ``child_process.py`` starts
+a process, ``messages.py`` has what it and its parent say, ``onnx_session.py`` runs a network.
+
+An agent for a leaderboard plays in the same sandbox, with more checks: ``network.py`` has those of
+its arithmetic, ``agent_file.py`` those of its metadata, ``onnx_policy.py`` loads it.
 """
 
 import os
 import signal
-import socket
 import subprocess
 import sys
-import weakref
 from dataclasses import dataclass
 from errno import ENOENT
 from functools import cache
@@ -26,18 +28,17 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import TypeAdapter, ValidationError
 
-from leaderboard.agents import confinement
-from leaderboard.agents import sandbox_child as child
+from leaderboard.agents import confinement, messages
+from leaderboard.agents.child_process import ChildProcess
+from leaderboard.agents.messages import ANY, MAX_ACTIONS, MAX_ERROR, Outline
 from leaderboard.agents.onnx_session import check_actions
-from leaderboard.agents.sandbox_child import ANY, Outline
 from turning_env.extras import needed
 from turning_env.files import read_regular
 from turning_env.policy import Actions, Observations, PolicyFactory
 
 MAX_BYTES = 200_000_000  # of a file: it is in the memory of its process several times
-MAX_ACTIONS = 16  # numbers of an action; no task has more
 _MAX_OUTLINE = 7_000_000  # bytes
-_MAX_ERROR = 2_000  # bytes
+_PATIENCE = 1.0  # time in which a process that closes its connection should end by itself [s]
 _KEPT_VARIABLES = ("LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "SYSTEMROOT")
 _OUTLINE = TypeAdapter(Outline)
 
@@ -47,13 +48,13 @@ for name, folders in {folders!r}.items():  # their own __init__.py would import 
     package = sys.modules[name] = types.ModuleType(name)
     package.__path__ = folders
 from {module} import main
-main(int(sys.argv[1]), int(sys.argv[2]))
+main(int(sys.argv[1]), int(sys.argv[2]), sys.argv[3] == "strict")
 os._exit(0)  # skip the clean-up of libraries that can open nothing
 """
 
 
 def program_of(module: str) -> str:
-    """Return the program of a process that runs ``main(memory, computing)`` of a module."""
+    """Return the program of a process that runs ``main(memory, computing, strict)`` of a module."""
     packages = {"leaderboard", module.partition(".")[0]}
     folders = {name: list(sys.modules[name].__path__) for name in sorted(packages)}
     return _PROGRAM.format(folders=folders, module=module)
@@ -83,7 +84,7 @@ class AgentTimeoutError(AgentFileError):
     """A network needs more time than it may have."""
 
 
-class Sandbox:
+class Sandbox(ChildProcess):
     """A process that checks a file's content and plays it.
 
     What it sends is not trusted. It ends when this object is garbage-collected.
@@ -91,29 +92,45 @@ class Sandbox:
     Args:
         content: content of the file.
         limits: limits of the process.
-        program: Python source that the process runs; None: that of ``program()``.
+        strict: whether the network must be plain arithmetic of moderate size, and act reproducibly:
+            see ``network.py``. Else it may have any operators.
+        program: Python source that the process runs; None: that of ``sandbox_child.py``.
+
+    Attributes:
+        outline: metadata and shapes of the file.
+        entries: entries of an observation, or ANY.
+        actions: numbers of an action, or ANY.
+        memory_size: entries of the memory.
 
     Raises:
         AgentFileError: the file is refused, or the process breaks a limit.
     """
 
-    entries: int = ANY  # of an observation
-    actions: int = ANY  # numbers of an action
-    memory_size: int = 0  # entries of the memory
-
-    def __init__(self, content: bytes, limits: Limits = LIMITS, program: str | None = None) -> None:
+    def __init__(
+        self,
+        content: bytes,
+        limits: Limits = LIMITS,
+        *,
+        strict: bool = False,
+        program: str | None = None,
+    ) -> None:
         self._limits = limits
-        end_here, end_there = socket.socketpair()
-        with end_there:
-            self.process = _started(program or self.program(), limits, connection=end_there)
-        self._connection = child.Connection(end_here, limits.start)
-        self.close = weakref.finalize(self, _end, self.process, self._connection)
+        program = program or program_of("leaderboard.agents.sandbox_child")
+        checks = "strict" if strict else "plain"
+        arguments = ["-I", "-c", program, str(limits.memory), str(limits.computing), checks]
+        kept = {name: os.environ[name] for name in _KEPT_VARIABLES if name in os.environ}
+        super().__init__(
+            arguments,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            env=kept | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"},
+            start_new_session=True,  # Ctrl-C is for the parent to handle
+        )
         try:
-            self.send(child.CONTENT, content)
-            outline = _OUTLINE.validate_json(self.answer(_MAX_OUTLINE, starting=True), strict=True)
-            self.accept(content, outline)
-            # The second answer is empty. It says that the network is ready to play.
-            self.answer(0)
+            self.send(messages.CONTENT, content)
+            outline = self.answer(_MAX_OUTLINE, starting=True)
+            self.outline = _OUTLINE.validate_json(outline, strict=True)
+            self._take_sizes()
         except ValidationError as error:
             self.close()
             raise AgentFileError("describes itself in a form that cannot be read") from error
@@ -121,18 +138,13 @@ class Sandbox:
             self.close()
             raise
 
-    @staticmethod
-    def program() -> str:
-        """Return the program of the process."""
-        return program_of("leaderboard.agents.sandbox_child")
-
-    def accept(self, content: bytes, outline: Outline) -> None:
-        """Take the sizes of a network from its outline.
+    def _take_sizes(self) -> None:
+        """Take the sizes of the network from its outline.
 
         Raise AgentFileError if inputs and outputs are not those of a policy.
         """
-        inputs = outline.inputs
-        outputs = outline.outputs
+        inputs = self.outline.inputs
+        outputs = self.outline.outputs
         without_memory = {"observation"}, {"action"}
         with_memory = {"observation", "memory"}, {"action", "next_memory"}
         if (set(inputs), set(outputs)) not in (without_memory, with_memory):
@@ -141,19 +153,22 @@ class Sandbox:
                 "but must have the input observation and the output action; "
                 "with a memory, also the input memory and the output next_memory"
             )
-        memory_size = inputs.get("memory", 0)
-        if memory_size == ANY:
+        self.entries = inputs["observation"]
+        self.actions = outputs["action"]
+        self.memory_size = inputs.get("memory", 0)
+        if self.memory_size == ANY:
             raise AgentFileError(
                 "has a memory of any size, but must state the entries per environment"
             )
-        self.entries = inputs["observation"]
-        self.actions = outputs["action"]
-        self.memory_size = memory_size
+        if self.actions > MAX_ACTIONS:
+            raise AgentFileError(
+                f"has actions of {self.actions} numbers, but may have {MAX_ACTIONS}"
+            )
 
     def send(self, kind: bytes, content: bytes = b"") -> None:
         """Send a message. Raise AgentFileError if the process is gone, or does not listen."""
         try:
-            self._connection.send(kind, content)
+            self.connection.send(kind, content, self._limits.start)
         except OSError as error:
             raise self._end_reason() from error
 
@@ -163,22 +178,19 @@ class Sandbox:
         ``starting`` allows the time of a start, in which the process also says how it is confined.
         """
         kind, content = self._receive(max_bytes, starting)
-        if starting and kind == child.MEASURES:
+        if starting and kind == messages.MEASURES:
             _warn_of_missing(_missing(content))
             kind, content = self._receive(max_bytes, starting)
-        if kind == child.ANSWER and len(content) <= max_bytes:
+        if kind == messages.ANSWER and len(content) <= max_bytes:
             return content
-        if kind == child.ERROR:
-            text = content[:_MAX_ERROR].decode("utf-8", "replace")
-            raise AgentFileError(
-                "".join(character if character.isprintable() else "?" for character in text)
-            )
+        if kind == messages.ERROR:
+            raise AgentFileError(messages.text_of(content))
         raise AgentFileError("sends an answer of the wrong kind or length")
 
     def _receive(self, max_bytes: int, starting: bool) -> tuple[bytes, bytes]:
         timeout = self._limits.start if starting else self._limits.answer
         try:
-            return self._connection.receive(max(max_bytes, _MAX_ERROR), timeout)
+            return self.connection.receive(max(max_bytes, MAX_ERROR), timeout)
         except TimeoutError as error:
             self.close()
             raise AgentTimeoutError(f"gives no answer within {timeout:g} s") from error
@@ -187,12 +199,7 @@ class Sandbox:
 
     def _end_reason(self) -> AgentFileError:
         """Return the error that says why the process no longer answers."""
-        try:
-            status = self.process.wait(1.0)
-        except subprocess.TimeoutExpired:
-            # It has closed its end, but still runs.
-            status = 0
-        self.close()
+        status = self.end(_PATIENCE)
         if status == -signal.SIGXCPU:
             return AgentTimeoutError(
                 f"needs more than the {self._limits.computing} s of processor time that it may have"
@@ -201,24 +208,6 @@ class Sandbox:
             f"its process has ended (status {status}), "
             f"perhaps for more than the {self._limits.memory} MiB of memory allowed"
         )
-
-
-def _started(program: str, limits: Limits, connection: socket.socket) -> "subprocess.Popen[bytes]":
-    kept = {name: os.environ[name] for name in _KEPT_VARIABLES if name in os.environ}
-    return subprocess.Popen(
-        [sys.executable, "-I", "-c", program, str(limits.memory), str(limits.computing)],
-        stdin=connection.fileno(),
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        env=kept | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"},
-        start_new_session=True,  # Ctrl-C is for the parent to handle
-    )
-
-
-def _end(process: "subprocess.Popen[bytes]", connection: child.Connection) -> None:
-    connection.close()
-    process.kill()
-    process.wait()
 
 
 def _missing(measures: bytes) -> tuple[str, ...]:
@@ -244,14 +233,16 @@ def _warn_of_missing(missing: tuple[str, ...]) -> None:
 class GuardedPolicy:
     """The policy of a sandbox's network, for ``num_envs`` environments.
 
-    An earlier policy of the same sandbox must not act any more.
+    An earlier policy of the same sandbox must not act any more. The first policy of a ``strict``
+    sandbox tries the network, and raises AgentFileError if that fails.
     """
 
     def __init__(self, sandbox: Sandbox, num_envs: int) -> None:
         self.sandbox = sandbox
         self._num_envs = num_envs
-        sandbox.send(child.SIZES, np.array([num_envs, sandbox.memory_size], np.int64).tobytes())
-        sandbox.answer(0)
+        sizes = np.array([num_envs, sandbox.memory_size], np.int64)
+        sandbox.send(messages.SIZES, sizes.tobytes())
+        sandbox.answer(0, starting=True)
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
         """Clear the memory of the environments in the mask, shape (num_envs,).
@@ -263,7 +254,7 @@ class GuardedPolicy:
                 f"the mask must be bool of shape ({self._num_envs},), "
                 f"got {mask.dtype} of {mask.shape}"
             )
-        self.sandbox.send(child.RESET, mask.tobytes())
+        self.sandbox.send(messages.RESET, mask.tobytes())
 
     def act(self, observations: Observations) -> Actions:
         """Return actions, shape (num_envs, actions), for observations, shape (num_envs, entries).
@@ -271,7 +262,7 @@ class GuardedPolicy:
         Both are float32. Raise ValueError for other observations, AgentFileError for other actions.
         """
         self._check_observations(observations)
-        self.sandbox.send(child.ACT, observations.tobytes())
+        self.sandbox.send(messages.ACT, observations.tobytes())
         bytes_per_action = 4 * self._num_envs
         max_actions = MAX_ACTIONS if self.sandbox.actions == ANY else self.sandbox.actions
         content = self.sandbox.answer(bytes_per_action * max_actions)
@@ -308,10 +299,10 @@ class PolicyMaker:
 
     content: bytes
     limits: Limits
-    process: type[Sandbox] = Sandbox
+    strict: bool = False
 
     def __call__(self, num_envs: int) -> GuardedPolicy:
-        return GuardedPolicy(self.process(self.content, self.limits), num_envs)
+        return GuardedPolicy(Sandbox(self.content, self.limits, strict=self.strict), num_envs)
 
 
 def load(path: Path, limits: Limits = LIMITS) -> PolicyFactory:

@@ -2,46 +2,33 @@
 
 It starts with an empty environment and confines itself (``confinement.py``) before it sees the
 file. It imports nothing of the environment that is played, which it must not know. ``sandbox.py``
-is the parent, which starts ``main``; the two talk through a ``Connection``.
-``leaderboard/agents/agent_child.py`` runs the files that enter leaderboards, with more checks.
+is the parent, which starts ``main``; ``messages.py`` has the messages of both. A network that
+enters a leaderboard has more checks: ``network.py``.
 """
 
 import json
 import socket
-import struct
-import time
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from leaderboard.agents import confinement, onnx_session
+from leaderboard.agents.messages import (
+    ANSWER,
+    ANY,
+    ERROR,
+    MAX_REQUEST,
+    MEASURES,
+    RESET,
+    SIZES,
+    Connection,
+    Outline,
+)
 from leaderboard.agents.onnx_session import Floats, OnnxPolicy
 
-# Kinds of messages of the child.
-ANSWER = b"K"
-ERROR = b"E"  # why there is no answer
-MEASURES = b"M"  # how the process is confined
-
-# Kinds of messages of the parent.
-CONTENT = b"C"  # of the file
-SIZES = b"L"  # number of environments and entries of the memory of a new policy
-RESET = b"R"  # not answered
-ACT = b"A"
-
-ANY = -1  # number of entries where a network takes any
-_HEAD = struct.Struct("<cQ")  # kind and length
-_MAX_REQUEST = 2**31  # [bytes]
 _ALL_INSIDE = (
     "all must be inside the file: export it with torch.onnx.export(..., external_data=False)"
 )
-
-
-class Outline(NamedTuple):
-    """Metadata and shapes of a file."""
-
-    properties: dict[str, str]
-    inputs: dict[str, int]  # entries per environment of each input, or ANY
-    outputs: dict[str, int]
 
 
 class Network(Protocol):
@@ -51,7 +38,10 @@ class Network(Protocol):
         """Take a file's content and return its outline, or raise ValueError if it is refused."""
 
     def session(self) -> Any:
-        """Return ONNX Runtime's session of the file, or raise ValueError if the file is refused."""
+        """Return ONNX Runtime's session of the file; it is called once, before the first policy.
+
+        Raise ValueError if the file is refused.
+        """
 
     def act(self, policy: OnnxPolicy, observations: Floats, call: int) -> Floats:
         """Return a policy's actions, or raise ValueError if they are refused.
@@ -92,63 +82,19 @@ def _entries(shape: Any) -> int:
     return size if isinstance(size, int) else ANY
 
 
-class Connection:
-    """One end of a connection for messages: a kind and bytes.
+def main(memory: int, computing: int, strict: bool) -> None:
+    """Run a network with the inputs and outputs of a policy: any, or a ``strict`` one of them.
 
-    Neither side trusts the other to be quick. A message must be taken within ``send_timeout`` [s];
-    None: no limit.
+    See ``sandbox.Sandbox`` for the limits ``memory`` [MiB] and ``computing`` [s], and for
+    ``strict``.
     """
+    network: Network = PlainNetwork()
+    if strict:
+        # It imports the package onnx, which other networks do without.
+        from leaderboard.agents.network import StrictNetwork
 
-    def __init__(self, connection: socket.socket, send_timeout: float | None = None) -> None:
-        self._connection = connection
-        self._send_timeout = send_timeout
-        self.close = connection.close
-
-    def send(self, kind: bytes, content: bytes = b"") -> None:
-        """Send a message.
-
-        Raise TimeoutError if the other side does not take it in time, OSError if it is gone.
-        """
-        self._set_timeout(self._send_timeout)
-        self._connection.sendall(_HEAD.pack(kind, len(content)) + content)
-
-    def receive(self, max_bytes: int, timeout: float | None = None) -> tuple[bytes, bytes]:
-        """Return the kind and the content of the next message.
-
-        ``timeout`` [s] covers the whole message; None: no limit. Raise TimeoutError, EOFError if
-        the other side is gone, or OSError if the message is longer than ``max_bytes``.
-        """
-        deadline = None if timeout is None else time.monotonic() + timeout
-        kind, length = _HEAD.unpack(self._receive(_HEAD.size, deadline))
-        if length > max_bytes:
-            raise OSError(f"a message of {length} bytes, where at most {max_bytes} are allowed")
-        return kind, self._receive(length, deadline)
-
-    def _receive(self, count: int, deadline: float | None) -> bytes:
-        content = bytearray(count)
-        view = memoryview(content)
-        received = 0
-        while received < count:
-            timeout = None
-            if deadline is not None:
-                timeout = max(deadline - time.monotonic(), 1e-3)
-            self._set_timeout(timeout)
-            new_bytes = self._connection.recv_into(view[received:])
-            if not new_bytes:
-                raise EOFError("the other side has closed the connection")
-            received += new_bytes
-        return bytes(content)
-
-    def _set_timeout(self, seconds: float | None) -> None:
-        # Setting a timeout asks the operating system, even if it is set already, and a confined
-        # process may not.
-        if self._connection.gettimeout() != seconds:
-            self._connection.settimeout(seconds)
-
-
-def main(memory: int, computing: int) -> None:
-    """Run any network with the inputs and outputs of a policy; see ``run``."""
-    run(PlainNetwork(), memory, computing)
+        network = StrictNetwork()
+    run(network, memory, computing)
 
 
 def run(network: Network, memory: int, computing: int) -> None:
@@ -179,19 +125,20 @@ def _open_what_is_needed() -> None:
 
 
 def _serve(parent: Connection, network: Network) -> None:
-    """Send the outline of a file, check and try its network, then answer observations with actions.
+    """Send the outline of a file, then make policies of its network, and answer for them.
 
-    ``SIZES`` makes a new policy of the same network.
+    Each ``SIZES`` makes a new policy, which takes the place of the last.
     """
-    _, content = parent.receive(_MAX_REQUEST)
+    _, content = parent.receive(MAX_REQUEST)
     outline = network.read(content)
     parent.send(ANSWER, json.dumps(outline._asdict()).encode())
     del content
-    session = network.session()
-    parent.send(ANSWER)
+    session = None
     while True:
-        kind, content = parent.receive(_MAX_REQUEST)
+        kind, content = parent.receive(MAX_REQUEST)
         if kind == SIZES:
+            if session is None:  # the parent has accepted the outline
+                session = network.session()
             num_envs, memory_size = np.frombuffer(content, np.int64).tolist()
             policy = OnnxPolicy(session, memory_size, num_envs)
             calls = 0

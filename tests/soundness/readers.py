@@ -22,7 +22,7 @@ from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
 from leaderboard.agents import agent_file, network
-from leaderboard.agents.sandbox_child import Outline
+from leaderboard.agents.messages import Outline
 from leaderboard.result import Result, ResultError, ResultFile, read_part, write_part
 from leaderboard.trajectories import Trajectories
 from turning_env import Family, Scenario, ScenarioError

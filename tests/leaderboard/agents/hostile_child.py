@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from leaderboard.agents import sandbox_child
+from leaderboard.agents.messages import Outline
 from leaderboard.agents.onnx_session import Floats, OnnxPolicy
-from leaderboard.agents.sandbox_child import Outline
 
 HERE = Path()
 """Folder of the attempts."""
@@ -138,6 +138,6 @@ class Attacker:
         raise NotImplementedError
 
 
-def main(memory: int, computing: int) -> None:
+def main(memory: int, computing: int, strict: bool) -> None:
     """Serve the parent process."""
     sandbox_child.run(Attacker(), memory, computing)

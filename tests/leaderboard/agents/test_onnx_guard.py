@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from leaderboard.agents import agent_file, onnx_policy
 from leaderboard.agents.network import act_checked
-from leaderboard.agents.onnx_policy import LIMITS, GuardedPolicy, Limits, Sandbox
 from leaderboard.agents.onnx_session import OnnxPolicy, session_of
+from leaderboard.agents.sandbox import LIMITS, GuardedPolicy, Limits, Sandbox
 from tests.leaderboard.agents import onnx_agents
 
 NUM_ENVS = 6
@@ -24,7 +24,7 @@ def observations(steps: int, num_envs: int = NUM_ENVS) -> NDArray[np.float32]:
 
 
 def guarded(content: bytes, num_envs: int = NUM_ENVS, limits: Limits = LIMITS) -> GuardedPolicy:
-    return GuardedPolicy(Sandbox(content, limits), num_envs)
+    return GuardedPolicy(Sandbox(content, limits, strict=True), num_envs)
 
 
 @pytest.mark.slow
@@ -197,7 +197,7 @@ LIES = {
     ),
     "another outline": (
         'send(b\'K\', 47); wire.sendall(b\'{"properties": {}, "inputs": {}, "outputs": {}}  \')',
-        "metadata format: Field required",
+        "must have the input observation and the output action",
     ),
     "a terminal's commands": ("send(b'E', 9); wire.sendall(b'\\x1b[2Jgone\\n')", r"^\?\[2Jgone\?$"),
 }
@@ -210,7 +210,7 @@ def test_a_process_that_lies_is_not_believed(lie: str) -> None:
     program += "send = lambda kind, length: wire.sendall(struct.pack('<cQ', kind, length))\n"
     program += answer
     with pytest.raises(ValueError, match=message):
-        Sandbox(b"content", program=program)
+        Sandbox(b"content", strict=True, program=program)
 
 
 def test_links_pipes_devices_and_folders_are_no_files(tmp_path: Path) -> None:

@@ -14,24 +14,10 @@ from onnx import TensorProto, helper, numpy_helper
 from leaderboard.__main__ import main
 from leaderboard.agents import sandbox
 from leaderboard.agents.sandbox import AgentFileError, AgentTimeoutError, Limits, Sandbox
-from leaderboard.agents.sandbox_child import Outline
 from tests.leaderboard.agents import hostile_child
 from tests.walking import ROOT
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="Landlock and seccomp are Linux's")
-
-
-class Observed(Sandbox):
-    """A sandbox of an attacker."""
-
-    outcomes: dict[str, str]
-
-    @staticmethod
-    def program() -> str:
-        return sandbox.program_of(hostile_child.__name__)
-
-    def accept(self, content: bytes, outline: Outline) -> None:
-        self.outcomes = json.loads(outline.properties["outcomes"])
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +27,9 @@ def outcomes(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     (folder / "sibling").write_text("a rival's file")
     (folder / "folder").mkdir()
     before = (folder / "sibling").stat()
-    outcomes = Observed(str(folder).encode()).outcomes
+    program = sandbox.program_of(hostile_child.__name__)
+    attacked = Sandbox(str(folder).encode(), program=program)
+    outcomes: dict[str, str] = json.loads(attacked.outline.properties["outcomes"])
     assert sorted(path.name for path in folder.iterdir()) == ["folder", "sibling"]
     after = (folder / "sibling").stat()
     assert after.st_mode == before.st_mode
@@ -235,6 +223,18 @@ def test_actions_out_of_bounds_are_refused(value: float, tmp_path: Path) -> None
     )
     with pytest.raises(AgentFileError, match="numbers in -1 to 1"):
         acted(path)
+
+
+def test_actions_of_more_numbers_than_any_task_has_are_refused(tmp_path: Path) -> None:
+    observation = helper.make_tensor_value_info("observation", TensorProto.FLOAT, ["n", 11])
+    action = helper.make_tensor_value_info("action", TensorProto.FLOAT, ["n", 22])
+    node = helper.make_node("Concat", ["observation", "observation"], ["action"], axis=1)
+    graph = helper.make_graph([node], "network", [observation], [action])
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 20)], ir_version=10)
+    path = tmp_path / "agent.onnx"
+    path.write_bytes(model.SerializeToString())
+    with pytest.raises(AgentFileError, match="has actions of 22 numbers, but may have 16"):
+        sandbox.load(path)
 
 
 @pytest.mark.parametrize(
