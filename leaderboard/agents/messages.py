@@ -54,7 +54,7 @@ class Connection:
         Raise TimeoutError if the other side does not take it in time, OSError if it is gone. No
         other message can follow one that was not taken.
         """
-        self._set_timeout(timeout)
+        self._set_timeout(timeout if timeout is None else max(timeout, _MIN_TIMEOUT))
         self._connection.sendall(_HEAD.pack(kind, len(content)) + content)
 
     def receive(self, max_bytes: int, timeout: float | None = None) -> tuple[bytes, bytes]:

@@ -1,34 +1,37 @@
-"""A policy file or a user's module in a process of its own.
+"""A policy file or a user's module in a process of its own, beside a machine in real time.
 
-There it can neither stop the control's process nor write past it. ``in_own_process`` makes the
-policy; ``main`` and what follows it run in the policy's process. The two exchange lines of JSON: a
-request with a number, and an answer with the same number. A policy that does not answer in time,
-fails or has ended raises an error in ``act``, which the shield answers with the safe feed.
+There it can neither stop the control's process nor write past it. ``in_own_process`` starts the
+process; a policy that does not answer in time, fails or has ended raises an error in ``act``, which
+the shield answers with the safe feed.
 
-An ONNX file plays in one more process, which can read and write no file
-(``leaderboard/agents/sandbox.py``). A module is the user's own code: its process may do what the
-user who started the control may do.
+An ONNX file plays in the sandbox in which it is scored (``leaderboard/agents/sandbox.py``): the
+same process, messages and confinement. Two things are different here, on purpose:
+
+* **Real time.** In a score, a late answer is an error that ends the play. Here the next step comes
+  whatever happens: the process goes on, the late answer is skipped, and only a process that has
+  hung for long is ended.
+* **A module** is the user's own Python code, which no list of system calls can confine: its process
+  (``main``) may do what the user who started the control may do. It has the same messages, and
+  keeps its connection away from what the code prints and reads.
+
+The shield checks type, shape and numbers of the actions, of both kinds alike.
 """
 
-import contextlib
 import ctypes
-import json
 import os
-import selectors
 import signal
-import subprocess
+import socket
 import sys
 import time
-import weakref
-from errno import ENOENT
 from pathlib import Path
-from typing import Any, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
-from turning_control.streams import standard_streams_taken
 
 from leaderboard.adapt import as_factory
+from leaderboard.agents import messages, sandbox
+from leaderboard.agents.child_process import ChildProcess
+from leaderboard.agents.messages import ACT, ANSWER, ERROR, RESET, Connection
 from leaderboard.agents.sandbox import Limits
 from turning_env.policy import Actions, Observations, Policy, PolicyFactory
 
@@ -41,8 +44,10 @@ import sys
 from turning_control.policy_process import main
 main(sys.argv[1], int(sys.argv[2]))
 """
-MAX_ANSWER = 2**20  # bytes that are read at once; twice as many without a line break are refused
+MAX_ANSWER = 2**20  # largest message of a policy's process [bytes]
 MAX_ERROR = 500  # length of an error's text [characters]
+STDIN = 0
+STDERR = 2
 
 
 class PolicyEndedError(RuntimeError):
@@ -61,10 +66,13 @@ def in_own_process(name: str, deadline: float) -> PolicyFactory:
             loading.
     """
 
-    def make(num_envs: int) -> PolicyProcess:
-        if name.endswith(".onnx") and not Path(name).is_file():
-            raise FileNotFoundError(ENOENT, "no such file", name)
-        return PolicyProcess(name, num_envs, deadline)
+    def make(num_envs: int) -> RealTimePolicy:
+        process: ChildProcess
+        if name.endswith(".onnx"):
+            process = sandbox.load(Path(name), FILE_LIMITS)(num_envs).sandbox
+        else:
+            process = _module_process(name, num_envs)
+        return RealTimePolicy(process, name, num_envs, deadline=deadline)
 
     return make
 
@@ -77,47 +85,48 @@ def loads_code_or_a_file(name: str) -> bool:
     return name.endswith(".onnx") or ":" in name
 
 
-class PolicyProcess(Policy):
-    """The policy as its parent sees it."""
+def _module_process(name: str, num_envs: int) -> ChildProcess:
+    """Start the process of a module's policy, and wait until it is loaded.
 
-    def __init__(self, name: str, num_envs: int, deadline: float) -> None:
+    Raise ValueError if it cannot be loaded.
+    """
+    # What the policy prints goes where this process writes its errors.
+    child = ChildProcess(["-c", PROGRAM, name, str(num_envs)], stdout=STDERR)
+    try:
+        kind, content = child.connection.receive(MAX_ANSWER, LOADING)
+    except (OSError, EOFError) as error:
+        child.close()
+        raise ValueError(f"{name} cannot be loaded: {error}") from error
+    if kind == ERROR:
+        child.close()
+        raise ValueError(_text_of(content))
+    return child
+
+
+class RealTimePolicy(Policy):
+    """The policy of a process that must answer within a deadline, for ``num_envs`` environments.
+
+    Args:
+        process: the process, which has loaded the policy.
+        name: the policy's name, for messages.
+        num_envs: number of environments.
+        deadline: time in which ``act`` must be answered [s].
+    """
+
+    def __init__(self, process: ChildProcess, name: str, num_envs: int, deadline: float) -> None:
+        self._process = process
         self._name = name
         self._deadline = deadline
-        self._number = 0  # of the last request
-        self._asked: float | None = None  # when the request that is not answered yet was sent
-        self._received = b""
+        self._must_reset = np.zeros(num_envs, np.bool_)
+        self._asked_at: float | None = None  # time of the request that is not answered yet [s]
         self._has_answered = False
-        command = [sys.executable, "-c", PROGRAM, name, str(num_envs)]
-        self._process = subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0
-        )
-        self._end = weakref.finalize(self, _end, self._process)
-        # A process that hangs must not block this one, so every read and write has a deadline.
-        for pipe in (self._process.stdin, self._process.stdout):
-            assert pipe is not None
-            os.set_blocking(pipe.fileno(), False)
-        self._load()
-
-    def _load(self) -> None:
-        """Wait until the policy is loaded; ValueError if it cannot be."""
-        try:
-            loaded = self._receive(time.monotonic() + LOADING)
-        except (TimeoutError, RuntimeError) as error:
-            self._end()
-            raise ValueError(f"{self._name} cannot be loaded: {error}") from error
-        if "failed" in loaded:
-            self._end()
-            raise ValueError(str(loaded["failed"]))
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
         """Clear the memory of environments before the next observations.
 
         If the policy fails to do so, the next ``act`` raises the error.
         """
-        request = {"reset": np.asarray(mask).tolist()}
-        with contextlib.suppress(PolicyEndedError, TimeoutError):
-            self._wait_until_free(time.monotonic() + self._deadline)
-            self._send(request, time.monotonic() + self._deadline)
+        self._must_reset |= mask
 
     def act(self, observations: Observations) -> Actions:
         """Return the policy's actions.
@@ -129,140 +138,126 @@ class PolicyProcess(Policy):
         """
         start = time.monotonic()
         deadline = start + (self._deadline if self._has_answered else LOADING)
-        self._wait_until_free(deadline)
-        self._send({"observations": observations.tolist()}, deadline)
-        self._asked = start
-        answer = self._wait_until_free(deadline)
-        self._has_answered = True
-        if "failed" in answer:
-            raise RuntimeError(str(answer["failed"])[:MAX_ERROR])
-        return np.asarray(answer.get("actions"))  # the shield checks its type and shape
-
-    def _wait_until_free(self, deadline: float) -> dict[str, Any]:
-        """Return the answer to the last request, or nothing if it has come before.
-
-        Answers to older requests, which came too late, are skipped.
-        """
-        answer: dict[str, Any] = {}
-        while self._asked is not None:
-            answer = self._receive(deadline)
-            if answer.get("number") == self._number:
-                self._asked = None
-        return answer
-
-    def _send(self, values: dict[str, Any], deadline: float) -> None:
-        """Send a request with the next number."""
-        self._number += 1
-        line = json.dumps({"number": self._number, **values}).encode() + b"\n"
-        pipe = self._process.stdin
-        assert pipe is not None
-        while line:
-            self._wait(pipe, selectors.EVENT_WRITE, deadline)
-            try:
-                written = os.write(pipe.fileno(), line)
-            except OSError as error:
-                raise self._ended() from error
-            line = line[written:]
-
-    def _receive(self, deadline: float) -> dict[str, Any]:
-        """Return the next line that the process writes."""
-        pipe = self._process.stdout
-        assert pipe is not None
-        while b"\n" not in self._received:
-            self._wait(pipe, selectors.EVENT_READ, deadline)
-            chunk = os.read(pipe.fileno(), MAX_ANSWER)
-            self._received += chunk
-            if not chunk or len(self._received) > 2 * MAX_ANSWER:
-                raise self._ended()
-        line, _, self._received = self._received.partition(b"\n")
+        if self._asked_at is not None:
+            self._receive(deadline)  # the late answer to older observations
+        if self._must_reset.any():
+            self._send(RESET, self._must_reset.tobytes(), deadline)
+            self._must_reset[:] = False
+        self._send(ACT, np.asarray(observations, np.float32).tobytes(), deadline)
+        self._asked_at = start
+        kind, content = self._receive(deadline)
+        if kind == ERROR:
+            raise RuntimeError(_text_of(content))
         try:
-            answer = json.loads(line)
-        except (ValueError, RecursionError) as error:
-            raise RuntimeError("the policy's process does not keep to its protocol") from error
-        return answer if isinstance(answer, dict) else {}
+            return np.frombuffer(content, np.float32).reshape(len(observations), -1).copy()
+        except ValueError as error:
+            raise RuntimeError(f"{self._name} gives no actions: {error}") from error
 
-    def _wait(self, pipe: Any, event: int, deadline: float) -> None:
-        """Wait until a pipe can be read or written; TimeoutError after the deadline."""
-        if not self._end.alive:
-            raise PolicyEndedError(f"the process of {self._name} has ended")
-        with selectors.DefaultSelector() as selector:
-            selector.register(pipe, event)
-            if selector.select(max(deadline - time.monotonic(), 0.0)):
-                return
-        patience = HUNG if self._has_answered else LOADING
-        if self._asked is not None and time.monotonic() - self._asked > patience:
-            raise self._ended()
-        raise TimeoutError(f"no answer of {self._name} in time")
+    def _send(self, kind: bytes, content: bytes, deadline: float) -> None:
+        """Send a message. After one that was not taken in time no other can follow."""
+        try:
+            self._process.connection.send(kind, content, deadline - time.monotonic())
+        except OSError as error:
+            raise self._ended() from error
+
+    def _receive(self, deadline: float) -> tuple[bytes, bytes]:
+        """Return the answer to the last request."""
+        try:
+            answer = self._process.connection.receive(MAX_ANSWER, deadline - time.monotonic())
+        except TimeoutError as error:
+            patience = HUNG if self._has_answered else LOADING
+            if self._asked_at is not None and time.monotonic() - self._asked_at > patience:
+                raise self._ended() from error
+            raise TimeoutError(f"no answer of {self._name} in time") from error
+        except (OSError, EOFError) as error:
+            raise self._ended() from error
+        self._asked_at = None
+        self._has_answered = True
+        return answer
 
     def _ended(self) -> PolicyEndedError:
         """End the process, and return the error that says so."""
-        self._end()
-        status = self._process.returncode
+        status = self._process.end()
         return PolicyEndedError(f"the process of {self._name} has ended, status {status}")
 
 
-def _end(process: "subprocess.Popen[bytes]") -> None:
-    process.kill()
-    process.wait()
-    for pipe in (process.stdin, process.stdout):
-        assert pipe is not None
-        with contextlib.suppress(OSError):
-            pipe.close()
+def _text_of(error: bytes) -> str:
+    return messages.text_of(error)[:MAX_ERROR]
 
 
 def main(name: str, num_envs: int) -> None:
-    """Load a policy, and answer requests until there are no more."""
+    """Load a module's policy, and answer its parent until that is gone."""
     _end_with_parent()
-    with standard_streams_taken() as (requests, answers):
-        try:
-            policy = as_factory(name, FILE_LIMITS)(num_envs)
-        except Exception as error:  # a policy may fail in any way
-            _write_line(answers, json.dumps({"failed": _text(error)}))
-            return
-        _write_line(answers, json.dumps({"ready": True}))
-        _serve(policy, requests, answers)
+    parent = _connection_from_standard_input()
+    try:
+        policy = as_factory(name, FILE_LIMITS)(num_envs)
+    except Exception as error:  # a policy may fail in any way
+        parent.send(ERROR, _as_bytes(error))
+        return
+    try:
+        parent.send(ANSWER)
+        _serve(policy, num_envs, parent=parent)
+    except (OSError, EOFError):
+        return  # the parent is gone
 
 
-def _serve(policy: Policy, requests: TextIO, answers: TextIO) -> None:
-    reset_error = ""  # a reset is not answered, so the next answer tells its error
-    for line in requests:
-        request = json.loads(line)
-        if "reset" in request:
-            reset_error = _reset(policy, request["reset"])
+def _connection_from_standard_input() -> Connection:
+    """Return the connection to the parent, and leave nothing on standard input.
+
+    The policy, or a program that it starts, may read standard input. The connection is a duplicate,
+    which programs do not inherit.
+    """
+    connection = socket.socket(fileno=os.dup(STDIN))
+    nothing = os.open(os.devnull, os.O_RDONLY)
+    os.dup2(nothing, STDIN)
+    os.close(nothing)
+    return Connection(connection)
+
+
+def _serve(policy: Policy, num_envs: int, parent: Connection) -> None:
+    """Answer observations with actions, or with the error of a policy that may act again later."""
+    reset_error = b""  # a reset is not answered, so the next answers tell its error
+    while True:
+        kind, content = parent.receive(messages.MAX_REQUEST)
+        if kind == RESET:
+            reset_error = _reset(policy, np.frombuffer(content, np.bool_).copy())
         elif reset_error:
-            failed = {"number": request["number"], "failed": reset_error}
-            _write_line(answers, json.dumps(failed))
+            parent.send(ERROR, reset_error)
         else:
-            _write_line(answers, _answer(policy, request["number"], request["observations"]))
+            observations = np.frombuffer(content, np.float32).reshape(num_envs, -1).copy()
+            answer, content = _answer(policy, observations)
+            parent.send(answer, content)
 
 
-def _reset(policy: Policy, mask: list[bool]) -> str:
-    """Reset environments; return the policy's error, or an empty text."""
+def _reset(policy: Policy, mask: NDArray[np.bool_]) -> bytes:
+    """Reset environments; return the policy's error, or nothing."""
     try:
-        policy.reset(np.array(mask, np.bool_))
+        policy.reset(mask)
     except Exception as error:
-        return _text(error)
-    return ""
+        return _as_bytes(error)
+    return b""
 
 
-def _answer(policy: Policy, number: int, observations: list[list[float]]) -> str:
-    """Return a line of JSON with the policy's actions or its error."""
+def _answer(policy: Policy, observations: Observations) -> tuple[bytes, bytes]:
+    """Return the kind and the content of a message with the policy's actions or its error."""
     try:
-        actions = np.asarray(policy.act(np.array(observations, np.float32)))
-        # Objects that JSON cannot write are the policy's error, too.
-        return json.dumps({"number": number, "actions": actions.tolist()})
+        actions = np.asarray(policy.act(observations))
+        is_number = actions.dtype.kind in "fiu"
+        if actions.ndim != 2 or len(actions) != len(observations) or not is_number:
+            raise ValueError(
+                f"gives actions of type {actions.dtype} and shape {actions.shape}, "
+                f"not numbers of shape ({len(observations)}, numbers of an action)"
+            )
+        with np.errstate(over="ignore"):  # the shield refuses infinite actions
+            return ANSWER, actions.astype(np.float32).tobytes()
     except Exception as error:
-        return json.dumps({"number": number, "failed": _text(error)})
+        return ERROR, _as_bytes(error)
 
 
-def _write_line(answers: TextIO, line: str) -> None:
-    answers.write(line + "\n")
-    answers.flush()
-
-
-def _text(error: Exception) -> str:
+def _as_bytes(error: Exception) -> bytes:
+    """Return the text of a policy's error as a message."""
     text = str(error) if isinstance(error, ValueError) else f"{type(error).__name__}: {error}"
-    return text[:MAX_ERROR]
+    return text[:MAX_ERROR].encode("utf-8", "replace")
 
 
 def _end_with_parent() -> None:

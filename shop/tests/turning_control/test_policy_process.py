@@ -33,6 +33,25 @@ def hangs_after_one(observations):
         time.sleep(600)
     return steady(observations)
 
+class Remembers:
+    steps = 0  # since the last reset
+
+    def reset(self, mask):
+        self.steps = 0
+
+    def act(self, observations):
+        self.steps += 1
+        if self.steps == 2:
+            time.sleep(0.9)
+        return np.full((len(observations), 2), -0.125 * self.steps, np.float32)
+
+def reads(observations):
+    assert sys.stdin.read() == ""
+    return steady(observations)
+
+def wide(observations):
+    return np.full((len(observations), 2), 0.1)
+
 def fails(observations):
     raise OSError("no more")
 
@@ -88,6 +107,36 @@ def test_a_policy_that_hangs_is_late_and_the_shield_commands_the_safe_feed(modul
 
 
 @pytest.mark.slow
+def test_a_late_answer_is_not_taken_for_the_next_one(module: str) -> None:
+    policy = start(f"{module}:Remembers", deadline=0.3)
+    np.testing.assert_array_equal(policy.act(observed()), [[-0.125, -0.125]])
+    with pytest.raises(TimeoutError):
+        policy.act(observed())
+    time.sleep(0.8)
+    np.testing.assert_array_equal(policy.act(observed()), [[-0.375, -0.375]])
+
+
+@pytest.mark.slow
+def test_a_reset_while_an_answer_is_late_is_not_lost(module: str) -> None:
+    policy = start(f"{module}:Remembers", deadline=0.3)
+    policy.act(observed())
+    with pytest.raises(TimeoutError):
+        policy.act(observed())
+    policy.reset(np.ones(1, np.bool_))
+    time.sleep(0.8)
+    np.testing.assert_array_equal(policy.act(observed()), [[-0.125, -0.125]])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "action"), [("reads", -0.25), ("wide", np.float32(0.1))])
+def test_a_policy_may_read_standard_input_and_answer_in_double(
+    name: str, action: float, module: str
+) -> None:
+    actions = start(f"{module}:{name}").act(observed())
+    np.testing.assert_array_equal(actions, [[action, action]])
+
+
+@pytest.mark.slow
 def test_a_policy_that_fails_raises_in_act(module: str) -> None:
     policy = start(f"{module}:fails")
     for _ in range(2):
@@ -138,8 +187,37 @@ def test_a_file_that_takes_memory_without_end_is_ended(tmp_path: Path) -> None:
     path = tmp_path / "greedy.onnx"
     onnx.save(greedy_network(onnx, entries=observed().shape[1]), path)
     policy = start(str(path))
-    with pytest.raises(RuntimeError):
+    with pytest.raises(RuntimeError, match="memory"):
         policy.act(observed())
+    with pytest.raises(PolicyEndedError):
+        policy.act(observed())
+
+
+@pytest.mark.slow
+def test_a_file_acts(tmp_path: Path) -> None:
+    onnx = pytest.importorskip("onnx")
+    pytest.importorskip("onnxruntime")
+    path = tmp_path / "network.onnx"
+    text = """
+    <ir_version: 9, opset_import: ["": 17]>
+    network (float[n, entries] observation, float[n, 2] memory)
+        => (float[n, 2] action, float[n, 2] next_memory)
+    <int64[1] begin = {0}, int64[1] end = {2}, int64[1] axes = {1}, float[1] rate = {0.25}>
+    {
+        first = Slice(observation, begin, end, axes)
+        step = Mul(first, rate)
+        action = Add(step, memory)
+        next_memory = Identity(action)
+    }
+    """
+    onnx.save(onnx.parser.parse_model(text), path)
+    policy = start(str(path))
+    observations = observed()
+    step = 0.25 * observations[:, :2]
+    np.testing.assert_array_equal(policy.act(observations), step)
+    np.testing.assert_array_equal(policy.act(observations), 2.0 * step)
+    policy.reset(np.ones(1, np.bool_))
+    np.testing.assert_array_equal(policy.act(observations), step)
 
 
 def greedy_network(onnx, entries: int):  # type: ignore[no-untyped-def]

@@ -49,9 +49,15 @@ def test_a_message_that_is_too_long_is_refused_before_it_comes(
 def test_sending_to_a_side_that_takes_nothing_has_an_end(
     ends: tuple[socket.socket, Connection],
 ) -> None:
-    here, there = ends
+    _, there = ends
     with pytest.raises(TimeoutError):
         there.send(ACT, bytes(10_000_000), timeout=0.01)
+
+
+def test_a_side_that_is_gone_is_told_apart_from_a_late_one(
+    ends: tuple[socket.socket, Connection],
+) -> None:
+    here, there = ends
     here.close()
     with pytest.raises(EOFError):
         there.receive(max_bytes=5)
