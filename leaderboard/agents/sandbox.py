@@ -34,7 +34,7 @@ from leaderboard.agents.messages import ANY, MAX_ACTIONS, MAX_ERROR, Outline
 from leaderboard.agents.onnx_session import check_actions
 from turning_env.extras import needed
 from turning_env.files import read_regular
-from turning_env.policy import Actions, Observations, PolicyFactory
+from turning_env.policy import Actions, Observations
 
 MAX_BYTES = 200_000_000  # of a file: it is in the memory of its process several times
 _MAX_OUTLINE = 7_000_000  # bytes
@@ -305,7 +305,7 @@ class PolicyMaker:
         return GuardedPolicy(Sandbox(self.content, self.limits, strict=self.strict), num_envs)
 
 
-def load(path: Path, limits: Limits = LIMITS) -> PolicyFactory:
+def load(path: Path, limits: Limits = LIMITS) -> PolicyMaker:
     """Check a network's file, and return a function that makes policies of it.
 
     The file may come from anywhere: it can run no code, and each play has limits. It must hold its
