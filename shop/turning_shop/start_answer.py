@@ -51,7 +51,8 @@ def _binding(job: Job, advice: Advice) -> str:
         return "no limit binds"
     bound = min(advice.bounds, key=lambda bound: float(bound.without.cost))
     name = _BOUND_NAMES.get(bound.name, bound.name)
-    owner = " of the catalogue" if bound.name in job.window.catalogue_ends else ""
+    is_range_end = bound.name in job.window.catalogue_ends and bound.name.startswith("machine.")
+    owner = " of the catalogue" if is_range_end else ""
     return f"{name}{owner} binds"
 
 

@@ -112,10 +112,11 @@ def _material(question: Question) -> Material:
     Raises:
         WorkshopError: The material is unknown, or so hard that it is turned with CBN or ceramics.
     """
-    material = find_material(question.material)
     hardness = question.hardness
     if hardness is None:
-        return material
+        return find_material(question.material)
+    # The hardness tells the state of delivery, such as +QT.
+    material = find_material(question.material.partition("+")[0])
     if hardness > MAX_OF_CARBIDE:
         raise WorkshopError(
             f"--hardness {hardness:.0f} HB: above {MAX_OF_CARBIDE:g} HB (45 HRC) bars are turned "

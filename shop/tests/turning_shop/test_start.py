@@ -186,6 +186,8 @@ def test_every_hardness_of_an_alloy_has_one_law() -> None:
     annealed = job_of(question)
     tempered = job_of(question._replace(hardness=350.0))
     assert tempered.material.group.name == "P9"
+    with_state = question._replace(material="42CrMo4+QT", hardness=350.0)
+    assert job_of(with_state).material.group == tempered.material.group
     # 1.75 times the hardness, by the law of the annealed bar and by the group of the tempered one.
     by_law = what_if(annealed.scenario, 120.0, 0.3, hardness=350.0 / 200.0, wear=0.1)
     by_group = what_if(tempered.scenario, 120.0, 0.3, wear=0.1)
