@@ -14,6 +14,7 @@ import pytest
 from turning_shop import WorkshopError
 from turning_shop.__main__ import main
 from turning_shop.advise import MIN_COST, Plan, best_plan, overload_risk, tried_plans
+from turning_shop.catalogue.groups import GROUPS
 from turning_shop.catalogue.inserts import read_insert
 from turning_shop.catalogue.materials import find_material
 from turning_shop.catalogue.start_values import read_grade, start_of
@@ -142,42 +143,57 @@ def test_advice_lies_within_makers_ranges(maker: Maker, machine: str) -> None:
 
 SUMITOMO = "Sumitomo 2019-2020, p. 13"
 DGI = "DGI Supply, turning, p. 5, ft/min over feeds of 0.004 to 0.02 inch"
-# Group and grade, lowest and highest speed [m/min] and feed [mm/rev], and where they stand.
-WINDOWS = (
-    ("P1", "P25", (200, 320), (0.2, 0.5), f"{SUMITOMO}: SS400"),
-    *((name, "P25", (150, 230), (0.2, 0.5), f"{SUMITOMO}: S45C, SCM435") for name in ("P2", "P6")),
-    *((name, "P25", (100, 200), (0.2, 0.5), f"{SUMITOMO}: hard steel") for name in ("P3", "P5")),
-    *((name, "P25", (100, 200), (0.2, 0.5), f"{SUMITOMO}: hard steel") for name in ("P7", "P9")),
-    ("M14", "M15", (100, 200), (0.1, 0.4), "Kyocera 2016-2017, p. 214, up to 220 HB"),
-    ("M14D", "M15", (80, 150), (0.1, 0.2), "Kyocera 2016-2017, p. 214, up to 300 HB"),
-    ("M14D", "M25", (80, 120), (0.1, 0.2), "Kyocera 2016-2017, p. 214, up to 300 HB"),
-    ("K15", "K15", (180, 450), (0.1, 0.5), "Sumitomo 2019-2020, p. 16: AC4015K"),
-    ("K16", "K20", (150, 300), (0.1, 0.6), "Sumitomo 2019-2020, p. 16: AC420K"),
-    ("K17", "K25", (149, 270), (0.1, 0.5), f"{DGI}: K2, 885 to 490"),
-    ("K18", "K25", (122, 200), (0.1, 0.5), f"{DGI}: K3, 655 to 400"),
-    *((name, "N15", (200, 500), (0.1, 0.4), f"{DGI}: N2, 1640 to 655") for name in ("N21", "N22")),
-    ("N25", "N15", (122, 300), (0.1, 0.4), f"{DGI}: N3, 985 to 400"),
-    ("N27", "N15", (270, 390), (0.1, 0.4), f"{DGI}: N4, 1280 to 885"),
-    ("S31", "S15", (70, 101), (0.1, 0.3), f"{DGI}: S1, 330 to 230"),
-    ("S34", "S15", (35, 61), (0.1, 0.3), f"{DGI}: S3, 200 to 115"),
-    ("S37", "S15", (30, 90), (0.1, 0.3), "Kyocera 2021-2022, p. 301, and Machining Doctor"),
+ISCAR = "ISCAR 2022, milling, IC808, as a ratio to that row"
+
+
+class Row(NamedTuple):
+    """A row of a source for material groups and a grade."""
+
+    groups: str
+    grade: str
+    speeds: tuple[float, float]  # [m/min]
+    feeds: tuple[float, float]  # [mm/rev]
+    source: str
+
+
+ROWS = (
+    Row("P1", "P25", (200, 320), (0.2, 0.5), f"{SUMITOMO}: SS400"),
+    Row("P2 P4 P6", "P25", (150, 230), (0.2, 0.5), f"{SUMITOMO}: S45C, SCM435"),
+    Row("P3 P5 P7 P8 P9", "P25", (100, 200), (0.2, 0.5), f"{SUMITOMO}: at most hard steel's"),
+    Row("P10", "P25", (120, 184), (0.2, 0.5), f"{SUMITOMO}: S45C; {ISCAR}, 0.80"),
+    Row("P12", "P25", (139, 214), (0.2, 0.5), f"{SUMITOMO}: S45C; {ISCAR}, 0.93"),
+    Row("P11 P13", "P25", (80, 200), (0.2, 0.5), f"{SUMITOMO}: at most hard steel's"),
+    Row("M14", "M15", (100, 200), (0.1, 0.4), "Kyocera 2016-2017, p. 214, up to 220 HB"),
+    Row("M14", "M25", (80, 180), (0.1, 0.4), "Kyocera 2016-2017, p. 214, up to 220 HB"),
+    Row("M14D", "M15", (80, 150), (0.1, 0.2), "Kyocera 2016-2017, p. 214, up to 300 HB"),
+    Row("M14D", "M25", (80, 120), (0.1, 0.2), "Kyocera 2016-2017, p. 214, up to 300 HB"),
+    Row("K15 K16", "K15", (180, 450), (0.1, 0.5), "Sumitomo 2019-2020, p. 16: AC4015K"),
+    Row("K15 K16", "K20", (150, 300), (0.1, 0.6), "Sumitomo 2019-2020, p. 16: AC420K"),
+    Row("K17", "K25", (149, 270), (0.1, 0.5), f"{DGI}: K2, 885 to 490"),
+    Row("K18", "K25", (122, 200), (0.1, 0.5), f"{DGI}: K3, 655 to 400"),
+    Row("K19", "K25", (173, 313), (0.1, 0.5), f"{DGI}: K2; {ISCAR}, 1.16"),
+    Row("K20", "K25", (156, 284), (0.1, 0.5), f"{DGI}: K2; {ISCAR}, 1.05"),
+    Row("N21 N22 N23 N24", "N15", (200, 500), (0.1, 0.4), f"{DGI}: N2, 1640 to 655"),
+    Row("N25", "N15", (122, 300), (0.1, 0.4), f"{DGI}: N3, 985 to 400"),
+    Row("N26 N27 N28", "N15", (270, 390), (0.1, 0.4), f"{DGI}: N4, 1280 to 885"),
+    Row("S31 S32", "S15", (70, 101), (0.1, 0.3), f"{DGI}: S1, 330 to 230"),
+    Row("S33 S34 S35", "S15", (35, 61), (0.1, 0.3), f"{DGI}: S3, 200 to 115"),
+    Row("S36 S37", "S15", (30, 90), (0.1, 0.3), "Kyocera 2021-2022, p. 301; Machining Doctor"),
 )
 
 
-@pytest.mark.parametrize(
-    ("group", "grade", "speeds", "feeds", "source"), WINDOWS, ids=lambda value: str(value)
-)
-def test_the_advice_for_a_group_lies_in_its_sources_window(
-    group: str,
-    grade: str,
-    speeds: tuple[float, float],
-    feeds: tuple[float, float],
-    source: str,
-) -> None:
-    job = job_of(Question(group, "CNMG120408-PM", grade, BAR, depth=2.0, support="rigid"))
-    cuts = cheapest(job).cuts
-    assert speeds[0] <= cuts.cutting_speed <= speeds[1], source
-    assert feeds[0] <= cuts.feed <= feeds[1], source
+@pytest.mark.parametrize("row", ROWS, ids=lambda row: f"{row.groups}-{row.grade}")
+def test_the_advice_for_a_group_lies_in_its_sources_window(row: Row) -> None:
+    for group in row.groups.split():
+        question = Question(group, "CNMG120408-PM", row.grade, BAR, depth=2.0, support="rigid")
+        cuts = cheapest(job_of(question)).cuts
+        assert row.speeds[0] <= cuts.cutting_speed <= row.speeds[1], (group, row.source)
+        assert row.feeds[0] <= cuts.feed <= row.feeds[1], (group, row.source)
+
+
+def test_every_group_is_compared_with_its_source() -> None:
+    compared = {group for row in ROWS for group in row.groups.split()}
+    assert compared == set(GROUPS)
 
 
 def test_every_hardness_of_an_alloy_has_one_law() -> None:
