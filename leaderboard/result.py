@@ -22,11 +22,13 @@ floats come back bit for bit.
 
 import json
 import lzma
+from collections import Counter
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self, TypeVar
+from typing import Annotated, Any, Generic, Literal, Self, TypeVar
 
 import numpy as np
 from pydantic import (
@@ -55,18 +57,21 @@ MANIFEST_FILE = "manifest.json"
 SUFFIX = ".json.xz"
 RESULTS = Path(__file__).parent / "results"  # the results that come with the project
 MAX_BYTES = 100_000_000
-"""Largest size of a file, uncompressed, and of all results in a folder together.
+"""Largest size of a file, uncompressed, and of all files of results in a folder together.
 
 The results that ship have up to 7 MB in a folder.
 """
 MAX_RESULTS = 500
 """Largest number of results in a file, and in a folder up to those of one more file.
 
+A file that is refused counts as a result.
+
 Ranking compares every two. The folders that ship have up to 88.
 """
 MIN_DICTIONARY = 4096  # smallest that xz allows [bytes]
 MAX_DICTIONARY = 64 << 20  # that of xz's preset 9 [bytes]
 MAX_XZ_MEMORY = 2 * MAX_DICTIONARY  # memory with which a file is decompressed [bytes]
+CHUNK = 1_000_000  # bytes that are decompressed at once
 MAX_SEEDS = 10_000_000  # largest number of seeds in a range
 SCENARIO_FIELDS = tuple(name for name in EPISODE_FIELDS if name not in EXCESS_TIMES)
 """The fields of an episode that results keep.
@@ -307,6 +312,14 @@ class ResultFile(Part):
             # The validation of the fields, which follows, names the fault and its place.
             return values
 
+    @model_validator(mode="after")
+    def _check_policies(self) -> Self:
+        labels = Counter(result.policy.label for result in self.results)
+        repeated = [label for label, count in labels.items() if count > 1]
+        if repeated:
+            raise ValueError(f"results holds more than one result of {', '.join(repeated)}")
+        return self
+
 
 class Entry(Part):
     """One policy's result in a manifest: means over episodes."""
@@ -400,22 +413,24 @@ def result_files(folder: Path) -> list[Path]:
 def read_results(folder: Path, complain: Callable[[str], None] | None = None) -> dict[str, Result]:
     """Return the results of one ``result_folder`` by the policies' labels.
 
-    Files that cannot be used are left out, and those after the first ``MAX_BYTES``. ``complain``
-    receives their faults; if it is None, they go to stderr.
+    Files that cannot be used are left out, and those after the first ``MAX_BYTES`` or
+    ``MAX_RESULTS``. ``complain`` receives their faults; if it is None, they go to stderr.
     """
     results: dict[str, Result] = {}
-    total = 0
+    total_size = 0  # of files that are refused, too, as reading them takes as long
+    num_refused = 0
     for path in result_files(folder):
         try:
-            if total > MAX_BYTES or len(results) > MAX_RESULTS:
+            if total_size > MAX_BYTES or len(results) + num_refused > MAX_RESULTS:
                 raise ResultError(
                     f"{path} is not read, as the files before it in its folder hold more than "
                     f"{MAX_BYTES} bytes or {MAX_RESULTS} results"
                 )
-            part, size = _read(ResultFile, path)
-            total += size
-            results_in_file = _results_of(path, part)
+            content = _read(ResultFile, path)
+            total_size += content.size
+            results_in_file = _results_of(path, content.checked())
         except ResultError as error:
+            num_refused += 1
             if complain is not None:
                 complain(str(error))
             else:
@@ -476,51 +491,82 @@ def shipped_seeds(env_id: str, scenario_name: str) -> int | None:
 PartType = TypeVar("PartType", bound=Part)
 
 
+@dataclass(frozen=True)
+class _Content(Generic[PartType]):
+    """The content of a file, which may be refused."""
+
+    path: Path
+    part: PartType | None
+    fault: str  # why the content is refused
+    size: int  # bytes that were read until the fault, uncompressed
+
+    def checked(self) -> PartType:
+        """Return the part. Raise ResultError if the content is refused."""
+        if self.part is None:
+            raise ResultError(f"{self.path}{self.fault}")
+        return self.part
+
+
 def read_part(kind: type[PartType], path: Path) -> PartType:
     """Read a file written by ``write_part``, floats bit for bit.
 
     Raise ResultError if the file cannot be read, or if something in it is not allowed.
     """
-    part, _ = _read(kind, path)
-    return part
+    return _read(kind, path).checked()
 
 
-def _read(kind: type[PartType], path: Path) -> tuple[PartType, int]:
-    """Return a part, see ``read_part``, and its file's size [bytes], uncompressed."""
+def _read(kind: type[PartType], path: Path) -> _Content[PartType]:
+    """Read a file, see ``read_part``. Raise ResultError if it cannot be read."""
     try:
         content = read_regular(path, MAX_BYTES)
-        part: PartType
-        part, size = _parsed(kind, content, compressed=path.name.endswith(".xz"))
-        return part, size
-    except ValidationError as error:
-        raise ResultError(f"{path}: {_complaint(error)}") from error
     except OSError as error:
         raise ResultError(f"{path} cannot be read: {error.strerror}") from error
-    except (ValueError, RecursionError, lzma.LZMAError, EOFError) as error:
+    except ValueError as error:  # a null character in the path
         raise ResultError(f"{path} cannot be read: {error}") from error
+    part: PartType | None
+    part, fault, size = _parsed(kind, content, compressed=path.name.endswith(".xz"))
+    return _Content(path, part, fault=fault, size=size)
 
 
 # A run reads its folder again after each policy. The content is the key, so nothing is outdated;
 # parsing takes up to a second per folder, and reading the content a millisecond.
 @lru_cache(256)
-def _parsed(kind: type[PartType], content: bytes, compressed: bool) -> tuple[PartType, int]:
-    """Return the part of a content, and its size [bytes], uncompressed."""
-    if compressed:
-        content = _decompressed(content)
-    return kind.model_validate(from_json(content)), len(content)
+def _parsed(
+    kind: type[PartType], content: bytes, compressed: bool
+) -> tuple[PartType | None, str, int]:
+    """Return the part of a content, its fault or "", and its size [bytes], uncompressed."""
+    plain = bytearray()
+    try:
+        if compressed:
+            _decompress(content, plain)
+        else:
+            plain += content
+        return kind.model_validate(from_json(plain)), "", len(plain)
+    except ValidationError as error:
+        fault = f": {_complaint(error)}"
+    except (ValueError, RecursionError, lzma.LZMAError, EOFError) as error:
+        fault = f" cannot be read: {error}"
+    return None, fault, len(plain)
 
 
-def _decompressed(content: bytes) -> bytes:
-    """Return the content of an xz file; a small file may hold, or ask for, very much."""
+def _decompress(content: bytes, plain: bytearray) -> None:
+    """Append the content of an xz file; a small file may hold, or ask for, very much.
+
+    Raise ValueError, LZMAError or EOFError for a file that is damaged or too large, of which a part
+    has been appended.
+    """
     decompressor = lzma.LZMADecompressor(lzma.FORMAT_XZ, memlimit=MAX_XZ_MEMORY)
-    plain = decompressor.decompress(content, max_length=MAX_BYTES + 1)
+    plain += decompressor.decompress(content, max_length=CHUNK)
+    while not decompressor.eof:
+        if len(plain) > MAX_BYTES:
+            raise ValueError(f"it holds more than {MAX_BYTES} bytes")
+        if decompressor.needs_input:
+            raise EOFError("it ends too early")
+        plain += decompressor.decompress(b"", max_length=CHUNK)
     if len(plain) > MAX_BYTES:
         raise ValueError(f"it holds more than {MAX_BYTES} bytes")
-    if not decompressor.eof:
-        raise EOFError("it ends too early")
     if decompressor.unused_data:
         raise ValueError("bytes follow its end")
-    return plain
 
 
 def write_part(part: Part, path: Path) -> None:

@@ -146,6 +146,38 @@ def test_results_of_a_folder_have_a_largest_size_together(
     assert complaint.startswith(f"{board / 'one.json.xz'} is not read")
 
 
+REFUSED_CONTENT = {
+    "no JSON": lzma.compress(b" " * 60_000_000, preset=0),
+    "no results": lzma.compress(b"[" + b" " * 60_000_000 + b"]", preset=0),
+    "cut off": lzma.compress(b" " * 60_000_000, preset=0)[:-5],
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("content", REFUSED_CONTENT.values(), ids=REFUSED_CONTENT)
+def test_files_that_are_refused_count_towards_the_largest_size(content: bytes, board: Path) -> None:
+    for name in ("a", "b"):
+        (board / f"{name}.json.xz").write_bytes(content)
+    complaints: list[str] = []
+    assert not read_results(board, complaints.append)
+    assert complaints[-1].startswith(f"{board / 'one.json.xz'} is not read")
+
+
+def test_files_that_are_refused_count_towards_the_largest_number(board: Path) -> None:
+    for number in range(501):
+        (board / f"a{number}.json.xz").write_bytes(b"")
+    complaints: list[str] = []
+    assert not read_results(board, complaints.append)
+    assert complaints[-1].startswith(f"{board / 'one.json.xz'} is not read")
+
+
+def test_a_policy_that_is_listed_twice_is_refused_by_name(board: Path) -> None:
+    path = board / "one.json.xz"
+    damaged(path, lambda content: content.update(results=content["results"] * 2))
+    with pytest.raises(ResultError, match=r"one\.json\.xz: .*more than one result of one"):
+        read_file(path)
+
+
 @pytest.mark.parametrize(
     ("content", "complaint"),
     [
