@@ -53,7 +53,7 @@ from baselines.rule import Array, Mask
 from turning_env import Reading, Scenario
 from turning_env.numerics.functions import hypotenuse, log
 from turning_env.numerics.wear_term import log_wear_term
-from turning_env.scenario.laws import idle_power_at
+from turning_env.scenario.laws import hardness_spread, idle_power_at
 
 SLOPE = 1.603
 """Root mean square slope along a bar, times correlation length over spread: sqrt(pi/2 + 1) for
@@ -349,7 +349,7 @@ def numbers_of(scenario: Scenario, errors: bool) -> dict[str, Any]:
     depth_spread = hypotenuse(depth_along, work.depth_bar_spread / work.depth_of_cut)
     depth_slope = SLOPE * depth_along / work.depth_correlation_length
     hardness_along = work.hardness_along_spread
-    hardness_spread = hypotenuse(hardness_along, work.hardness_bar_spread)
+    log_hardness_spread = hardness_spread(work)
     hardness_slope = SLOPE * hardness_along / work.hardness_correlation_length
 
     # The depth and hardness of the bars that an edge has cut move its wear, too. If the laws are
@@ -358,11 +358,11 @@ def numbers_of(scenario: Scenario, errors: bool) -> dict[str, Any]:
     history = 0.0
     if not errors:
         history = np.square(wear.depth_of_cut * depth_spread) + np.square(
-            wear.hardness * hardness_spread
+            wear.hardness * log_hardness_spread
         )
     insert = np.sqrt(np.square(tool.wear_factor_spread) + history)
     prior = np.zeros(STATES)
-    prior[:HISTORY] = [depth_spread, depth_slope, hardness_spread, hardness_slope, insert]
+    prior[:HISTORY] = [depth_spread, depth_slope, log_hardness_spread, hardness_slope, insert]
     noise = np.square([sensors.force_noise, sensors.power_noise]) + np.square(READING_DEVIATION)
 
     # Shares of a deviation of the drives that remain in the sub-steps of a step.
@@ -379,7 +379,7 @@ def numbers_of(scenario: Scenario, errors: bool) -> dict[str, Any]:
         "velocity": 1000.0 / (60.0 * math.pi * work.diameter),
         # Rates of the correlations of depth and hardness [1/mm].
         "depth_rate": depth_slope / depth_spread if depth_spread > 0.0 else 0.0,
-        "hardness_rate": hardness_slope / hardness_spread if hardness_spread > 0.0 else 0.0,
+        "hardness_rate": hardness_slope / log_hardness_spread if log_hardness_spread > 0.0 else 0.0,
         "prior": np.square(prior),  # variances of the states
         # Variance of an edge's log wear from the bars that it has cut, if they are not followed.
         "history": history,

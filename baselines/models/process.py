@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike
 from baselines.rule import Array, Mask
 from turning_env import PowerLaw, Scenario
 from turning_env.numerics.functions import exp, log
-from turning_env.scenario.laws import edge_price
+from turning_env.scenario.laws import edge_price, machining_cost
 
 ALIKE = 1e-9  # tolerance for equal exponents
 MIN_SCALE = 0.1  # lower bound of a scale [-]: no lathe cuts with a tenth of the nominal force
@@ -226,12 +226,11 @@ class Process:
     ) -> Array:
         """Return the log cost of metal [min/cm3]; arrays broadcast."""
         # q = (1 + gamma / T) / (V S t)
-        log_price = log(self.edge_price) if self.edge_price > 0 else -math.inf
         log_life = self.log_life(
             log_cutting_speed, log_feed, depth_of_cut=depth_of_cut, hardness=hardness
         )
-        minutes = log(1.0 + exp(log_price - log_life))
-        return np.asarray(minutes - log_cutting_speed - log_feed - log(depth_of_cut))
+        log_minutes = log(machining_cost(1.0, exp(-log_life), self.edge_price))
+        return np.asarray(log_minutes - log_cutting_speed - log_feed - log(depth_of_cut))
 
     def economic_life(self, limit: Limit) -> float:
         """Return the economic life T_0 along a limit [min], by the module's formula.

@@ -38,7 +38,7 @@ from turning_env.numerics.conversions import spindle_speed_at
 from turning_env.numerics.functions import exp, log, real_power
 from turning_env.physics.drives import lag_share
 from turning_env.policy import Actions, Observations, Policy
-from turning_env.scenario.laws import capacity_at, idle_power_at
+from turning_env.scenario.laws import cutting_power_limit
 
 VERSION = 1  # raised when its actions change
 HELD_STEPS = 2
@@ -167,8 +167,8 @@ class PerfectLoad(Policy):
         if self._holds_roughness:
             return force_of_roughness(scenario.surface, self._truth["roughness_reference"])
         speed = self._program.cutting_speed
-        power = scenario.limits.power * capacity_at(scenario, speed)
-        return np.full(len(self._truth["power"]), power - idle_power_at(scenario, speed))
+        power = cutting_power_limit(scenario, speed)
+        return np.full(len(self._truth["power"]), power)
 
 
 def _lags(scenario: Scenario, cutting_speed: float) -> Lags:

@@ -25,7 +25,14 @@ from turning_env.numerics.conversions import feed_velocity_at
 from turning_env.numerics.functions import log
 from turning_env.observation import Reading
 from turning_env.scenario import Scenario
-from turning_env.scenario.laws import capacity_at, idle_power_at
+from turning_env.scenario.laws import (
+    cutting_power_limit,
+    feed_at_limit,
+    idle_power_at,
+    life_rate,
+    used_life_at,
+    wear_at,
+)
 from turning_env.scenario.power_law import PowerLaw, wear_exponent
 
 # Margins of expected loads to the tolerance above their limits [standard deviations].
@@ -616,20 +623,25 @@ class Observer:
     def _wear_ahead(self, speed: Values) -> Values:
         """Return the nominal flank wear [mm] at the end of the next command's step.
 
-        The law VB = k(vc, f) t^n gives the equivalent time of the present wear, to which the
-        horizon is added.
+        The edge uses its life at the rate of the commanded cut, by equivalent time.
         """
-        law = self._scenario.material.wear
-        exponent = law.time
-        inverse = 1.0 / exponent
-        per_minute = law(speed, self._wearing_feed, self._scenario.workpiece.depth_of_cut)
+        scenario = self._scenario
+        law = scenario.material.wear
+        depth = scenario.workpiece.depth_of_cut
         minutes = self._horizon / 60.0
-        added = per_minute**inverse * minutes
-        wear: Values = (self._wear**inverse + added) ** exponent
-        if self._scenario.tool.wear_rule == "clock_time":
+        rate = life_rate(
+            law,
+            scenario.tool.wear_criterion,
+            cutting_speed=speed,
+            feed=self._wearing_feed,
+            depth_of_cut=depth,
+        )
+        used_life = used_life_at(scenario, self._wear) + minutes * rate
+        wear: Values = wear_at(scenario, used_life)
+        if scenario.tool.wear_rule == "clock_time":
             # Under this rule, the edge wears as if it had always cut like this.
             cutting_time = self._cutting_time + minutes
-            as_always = per_minute * cutting_time**exponent
+            as_always = law(speed, self._wearing_feed, depth, time=cutting_time)
             wear = np.maximum(wear, as_always)
         return wear
 
@@ -746,12 +758,11 @@ class Observer:
         limits = scenario.limits
         tolerated = 1.0 + limits.overload_tolerance
         idle = idle_power_at(scenario, reading.cutting_speed)
-        power_limit = limits.power * capacity_at(scenario, reading.cutting_speed)
         # The loads without the noise that may have raised the readings.
         certain_power = reading.power * math.exp(-CERTAIN * self._power.noise)
         certain_force = reading.thrust_force * math.exp(-CERTAIN * self._force.noise)
 
-        max_cut_power = np.maximum(tolerated * power_limit - idle, 1e-6)
+        max_cut_power = cutting_power_limit(scenario, reading.cutting_speed, tolerated=tolerated)
         max_force = tolerated * limits.thrust_force
         power_share = (certain_power - idle) / max_cut_power
         force_share = certain_force / max_force
@@ -805,17 +816,10 @@ def feeds_at_limits(
     unit_feed = np.ones_like(section.depth)
     unit_power = material.power(speed, unit_feed, section.depth, wear=wear)
     unit_force = material.thrust_force(speed, unit_feed, section.depth, wear=wear)
-    available = limits.power * capacity_at(scenario, speed) - idle_power_at(scenario, speed)
-    power_share = np.maximum(available, 1e-6) / (section.loads.power * unit_power)
-    force_share = limits.thrust_force / (section.loads.force * unit_force)
+    power = section.loads.power * unit_power
+    force = section.loads.force * unit_force
+    max_power = cutting_power_limit(scenario, speed)
     return ByLoad(
-        power=_feed_at_share(power_share, material.power),
-        force=_feed_at_share(force_share, material.thrust_force),
+        power=feed_at_limit(material.power, max_power, at_unit_feed=power),
+        force=feed_at_limit(material.thrust_force, limits.thrust_force, at_unit_feed=force),
     )
-
-
-def _feed_at_share(share: Values, law: PowerLaw) -> Values:
-    """Return the feed [mm/rev] at which a load is ``share`` times that of 1 mm/rev."""
-    if law.feed > 0:
-        return np.asarray(share ** (1.0 / law.feed))
-    return np.full_like(share, np.inf)

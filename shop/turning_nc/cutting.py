@@ -23,7 +23,17 @@ from turning_shop.whatif import NO_LIMIT
 
 from turning_env.numerics.conversions import cutting_speed_at
 from turning_env.scenario import Scenario
-from turning_env.scenario.laws import capacity_at, idle_power_at
+from turning_env.scenario.laws import (
+    Loads,
+    capacity_at,
+    cutting_power_limit,
+    feed_at_limit,
+    idle_power_at,
+    life_rate,
+    load_shares,
+    used_life_at,
+    wear_at,
+)
 
 if TYPE_CHECKING:
     from turning_shop.prediction import Evidence
@@ -205,25 +215,10 @@ class Motion(NamedTuple):
     spindle_speed: Values  # [rev/min]
 
 
-class Loads(NamedTuple):
-    """Loads of cuts."""
-
-    thrust_force: Values  # [N]
-    power: Values  # of the spindle, without the idle power [kW]
-
-
-class PowerRange(NamedTuple):
-    """Powers of the spindle at some speeds [kW]."""
-
-    idle: Values
-    highest: Values
-
-
 def motion(situation: Situation, feed: Values, speed: Values) -> Motion:
     """Return how slices are run at feeds and speeds, in the units of the program."""
     s = situation
     slices = s.removal.slices
-    around = 2.0 * math.pi * np.maximum(slices.radius, MIN_RADIUS) / 1000.0  # [m/rev]
     turning = np.maximum(spindle_speed(s, speed), MIN_SPINDLE_SPEED)
     turns = np.where(s.fed, turning, 0.0)
     # Rapid moves have no turns, and moves per minute in air may have none, as those of a bar
@@ -235,10 +230,15 @@ def motion(situation: Situation, feed: Values, speed: Values) -> Motion:
     feed_time = np.where(s.fed, 60.0 * slices.length / np.where(s.fed, velocity, 1.0), 0.0)
     return Motion(
         time=s.other_time + feed_time,
-        cutting_speed=turns * around,
+        cutting_speed=cutting_speed_at(turns, diameter=diameters(slices.radius)),
         feed=np.where(s.fed, per_turn, 0.0),
         spindle_speed=turns,
     )
+
+
+def diameters(radius: Values) -> Values:
+    """Return the diameters at which cutting speeds are computed [mm], above 0."""
+    return 2.0 * np.maximum(radius, MIN_RADIUS)
 
 
 def spindle_speed(situation: Situation, speed: Values, slices: Any = slice(None)) -> Values:
@@ -311,27 +311,29 @@ def play(
     cutting_time = (moved.time - s.other_time)[on]
     used_life[on] = cutting_time / tool_life(scenario, cutting_speed, feed=per_turn, depth=depth)
 
-    # Wear is criterion * (share of the life)^exponent. An edge begins the part with the life that
-    # is left of it when it is changed after the part.
-    exponent = scenario.material.wear.time
-    criterion = scenario.tool.wear_criterion
+    # An edge begins the part with the life that is left of it when it is changed after the part.
     change_wear = np.broadcast_to(wear, moved.time.shape)
-    life_at_change = (change_wear / criterion) ** (1.0 / exponent)
+    life_at_change = used_life_at(scenario, change_wear)
     worn = np.zeros(len(moved.time))
     for is_tool in s.by_tool.values():
         end = life_at_change[is_tool]
         used = np.cumsum(used_life[is_tool])
         life = np.maximum(end - used[-1], 0.0) + used
-        worn[is_tool] = criterion * np.minimum(life, end) ** exponent
+        worn[is_tool] = wear_at(scenario, np.minimum(life, end))
 
-    load = loads(scenario, cutting_speed, feed=per_turn, depth=depth, wear=worn[on])
-    power = power_range(scenario, moved.spindle_speed[on])
+    cut = loads_of_cuts(scenario, cutting_speed, feed=per_turn, depth=depth, wear=worn[on])
+    spindle = spindle_as_cutting_speed(scenario, moved.spindle_speed[on])
+    shares = load_shares(
+        Loads(cut.thrust_force, power=cut.power + idle_power_at(scenario, spindle)),
+        scenario.limits,
+        capacity=capacity_at(scenario, spindle),
+    )
     force_share = np.zeros(len(moved.time))
     power_share = np.zeros(len(moved.time))
     if s.has_force_limit:
-        force_share[on] = load.thrust_force / scenario.limits.thrust_force
+        force_share[on] = shares.thrust_force
     if s.has_power_limit:
-        power_share[on] = (load.power + power.idle) / power.highest
+        power_share[on] = shares.power
     return Play(
         time=moved.time,
         cutting_speed=moved.cutting_speed,
@@ -348,16 +350,21 @@ def play(
 
 def tool_life(scenario: Scenario, cutting_speed: Values, feed: Values, depth: Values) -> Values:
     """Return the cutting time from a fresh edge to the wear criterion [s]."""
-    law = scenario.material.wear
-    after_a_minute = law(_within_laws(scenario, cutting_speed), feed, depth)
-    minutes = (scenario.tool.wear_criterion / after_a_minute) ** (1.0 / law.time)
-    return np.asarray(60.0 * minutes)
+    speed = _within_laws(scenario, cutting_speed)
+    rate = life_rate(
+        scenario.material.wear,
+        scenario.tool.wear_criterion,
+        cutting_speed=speed,
+        feed=feed,
+        depth_of_cut=depth,
+    )
+    return np.asarray(60.0 / rate)
 
 
-def loads(
+def loads_of_cuts(
     scenario: Scenario, cutting_speed: Values, feed: Values, depth: Values, wear: Values
 ) -> Loads:
-    """Return the loads of cuts.
+    """Return the loads of cuts, without the idle power.
 
     Power falls with the cutting speed to 0, as at the centre of a face.
     """
@@ -370,14 +377,12 @@ def loads(
     )
 
 
-def power_range(scenario: Scenario, spindle_speed: Values) -> PowerRange:
-    """Return idle and highest power at spindle speeds [rev/min]."""
-    # The scenario states them by the cutting speed at the workpiece's diameter.
-    speed = cutting_speed_at(spindle_speed, scenario.workpiece.diameter)
-    return PowerRange(
-        idle=idle_power_at(scenario, speed),
-        highest=scenario.limits.power * capacity_at(scenario, speed),
-    )
+def spindle_as_cutting_speed(scenario: Scenario, spindle_speed: Values) -> Values:
+    """Return spindle speeds [rev/min] as cutting speeds [m/min] at the workpiece's diameter.
+
+    By these the scenario states the power of its spindle.
+    """
+    return np.asarray(cutting_speed_at(spindle_speed, scenario.workpiece.diameter))
 
 
 def highest_feed(
@@ -389,20 +394,14 @@ def highest_feed(
     max_feed: float,
 ) -> Values:
     """Return the highest feed within the limits of force and power, up to ``max_feed`` [mm/rev]."""
-    power = power_range(scenario, spindle_speed)
+    material = scenario.material
     unit_feed = np.ones_like(cutting_speed)  # 1 mm/rev
-    load = loads(scenario, cutting_speed, feed=unit_feed, depth=depth, wear=wear)
-    feed = np.full(cutting_speed.shape, max_feed)
-
-    # Loads are power laws of the feed, so the feed at a limit follows from the load at 1 mm/rev.
-    force_exponent = scenario.material.thrust_force.feed
-    if force_exponent > 0.0:
-        force_ratio = scenario.limits.thrust_force / load.thrust_force
-        feed = np.minimum(feed, force_ratio ** (1.0 / force_exponent))
-    power_exponent = scenario.material.power.feed
-    if power_exponent > 0.0:
-        power_ratio = np.maximum(power.highest - power.idle, 1e-9) / load.power
-        feed = np.minimum(feed, power_ratio ** (1.0 / power_exponent))
+    load = loads_of_cuts(scenario, cutting_speed, feed=unit_feed, depth=depth, wear=wear)
+    max_force = scenario.limits.thrust_force
+    max_power = cutting_power_limit(scenario, spindle_as_cutting_speed(scenario, spindle_speed))
+    by_force = feed_at_limit(material.thrust_force, max_force, at_unit_feed=load.thrust_force)
+    by_power = feed_at_limit(material.power, max_power, at_unit_feed=load.power)
+    feed: Values = np.minimum(np.minimum(by_force, by_power), max_feed)
     return feed
 
 

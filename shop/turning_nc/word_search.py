@@ -13,8 +13,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from turning_nc.adaptable_words import NO_WORD, AdaptableWords, Indices
-from turning_nc.cutting import MIN_RADIUS, Situation, highest_feed, play, spindle_speed, tool_life
+from turning_nc.cutting import Situation, diameters, highest_feed, play, spindle_speed, tool_life
 from turning_shop import Values
+
+from turning_env.numerics.conversions import cutting_speed_at
+from turning_env.scenario.laws import machining_cost
 
 MIN_PRICE = 1.0  # lowest price of an edge's life that is tried, above 0 [s]
 MAX_PRICE = 1e6  # [s]
@@ -204,10 +207,9 @@ class _SortedCuts:
         s = self._search.situation
         cuts = self.slices
         is_engaged = s.engaged[cuts]
-        radius = np.maximum(s.removal.slices.radius[cuts], MIN_RADIUS)
-        around = 2.0 * math.pi * radius / 1000.0  # [m/rev]
         turns = spindle_speed(s, speeds, cuts)
-        cutting_speed = turns * around
+        diameter = diameters(s.removal.slices.radius[cuts])
+        cutting_speed = cutting_speed_at(turns, diameter)
         depth = np.where(is_engaged, s.removal.slices.depth[cuts], 1.0)
         unit_feed = np.ones_like(cutting_speed)
         highest = highest_feed(
@@ -255,8 +257,9 @@ class _SortedCuts:
         is_free = np.isnan(self._given_feeds)
         feed = np.where(is_free, feed, self._given_feeds)
         excess = np.maximum(feed / highest - 1.0, 0.0)
-        life_cost = life * feed ** (exponent - 1.0)
-        cost = time / feed + life_cost + OVERLOAD_COST * excess
+        # ``life`` is the price of the lives that the cuts use at 1 mm/rev.
+        cost = machining_cost(time / feed, feed ** (exponent - 1.0), price_of_edge=life)
+        cost += OVERLOAD_COST * excess
         cost_of_speed = np.add.reduceat(cost, self._speed_starts, axis=1)
         return _Best(feeds=feed, costs=cost_of_speed)
 

@@ -31,7 +31,7 @@ from turning_shop.units import METRIC, Units, short
 from turning_shop.whatif import CHANGES, NO_LIMIT, Cuts, what_if
 
 from turning_env.scenario import Scenario
-from turning_env.scenario.laws import capacity_at
+from turning_env.scenario.laws import capacity_at, machining_cost
 from turning_env.scenario.sections import FeedLimit
 
 MAX_SPEEDS = 120  # round cutting speeds that are tried
@@ -183,8 +183,8 @@ def plan(
 
     def cost_of(parts: Any) -> Any:
         """Return the cost of a part, edges included."""
-        part_minutes = cycle_time + prices.change_time / parts
-        return prices.minute * part_minutes + prices.edge / parts
+        price_of_edge = prices.change_time + prices.edge / prices.minute  # [min]
+        return prices.minute * machining_cost(cycle_time, 1.0 / parts, price_of_edge)
 
     # Half the 95 % interval of the logarithm of the mean life. Edges differ on top of it: that
     # is the margin.
@@ -196,6 +196,7 @@ def plan(
     parts = parts_if(0.0)
     fewest = parts_if(-life_doubt)
     most = parts_if(life_doubt)
+    time_with_changes = machining_cost(cycle_time, 1.0 / parts, prices.change_time)
     return Plan(
         cuts=cuts,
         prediction=prediction,
@@ -205,7 +206,7 @@ def plan(
         minutes=parts * part_time,
         by_wear=cuts.time * np.exp(-margin) < longest,
         cycle_time=cycle_time,
-        mean_removal_rate=part_volume(scenario) / (cycle_time + prices.change_time / parts),
+        mean_removal_rate=part_volume(scenario) / time_with_changes,
         cost=cost_of(parts),
         cost_low=cost_of(most),
         cost_high=cost_of(fewest),

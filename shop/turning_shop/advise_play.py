@@ -34,6 +34,7 @@ from leaderboard.statistics import Bootstrap, Estimate, severe_share
 from turning_env.action import set_point_action
 from turning_env.policy import Actions, Observations
 from turning_env.scenario import Scenario
+from turning_env.scenario.laws import depth_spread, hardness_spread
 
 FIXED = "fixed parameters"  # the advice, whose edge is changed by plan
 RULES = ("predictive", "constant_power_lead", "omative", "modified_fuzzy_override")
@@ -219,8 +220,8 @@ def _assumptions(scenario: Scenario) -> Iterator[str]:
     """Yield notes on how bars and edges differ in the simulation, and on values not stated."""
     work = scenario.workpiece
     tool = scenario.tool
-    depth = np.hypot(work.depth_bar_spread, work.depth_along_spread)
-    hardness = 100 * np.hypot(work.hardness_bar_spread, work.hardness_along_spread)
+    depth = depth_spread(work)
+    hardness = 100 * hardness_spread(work)
     if depth or hardness:
         bars = f"bars vary in depth by {depth:.2g} mm and in hardness by {hardness:.2g} %"
     else:

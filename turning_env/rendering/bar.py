@@ -1,6 +1,5 @@
 """The view of the bar: a section along its axis, with the tool at work on it."""
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -34,6 +33,7 @@ from turning_env.rendering.theme import (
     write_up,
 )
 from turning_env.scenario import Scenario
+from turning_env.scenario.laws import depth_spread
 
 # Pixel columns between which the bar and the chart below it are drawn.
 LEFT = 76
@@ -73,7 +73,7 @@ class BarView:
         self._scenario = scenario
         workpiece = scenario.workpiece
         nominal = max(workpiece.depth_profile, default=workpiece.depth_of_cut)
-        spread = math.hypot(workpiece.depth_bar_spread, workpiece.depth_along_spread)
+        spread = depth_spread(workpiece)
         highest = max(1.25 * nominal, nominal + 2.6 * spread)
         self._height = Ruler(start=0.0, end=highest, first=_SURFACE, last=_TOP)
         self._drawn: _Layer | None = None

@@ -29,7 +29,7 @@ class Loads(NamedTuple):
     """Loads of a cut."""
 
     thrust_force: Any  # [N]
-    power: Any  # of the spindle, with its idle power [kW]
+    power: Any  # [kW]
 
 
 class LoadShares(NamedTuple):
@@ -90,7 +90,7 @@ def loads_at(
     wear: Any,
     hardness: Any = 1.0,
 ) -> Loads:
-    """Return the loads of a scenario's cut at a flank wear [mm].
+    """Return the loads of a scenario's cut at a flank wear [mm]; the power includes idling.
 
     Cutting speed in m/min, feed in mm/rev, depth of cut in mm, hardness over nominal.
     """
