@@ -96,7 +96,8 @@ def what_if(
 
     material = scenario.material
     criterion = scenario.tool.wear_criterion
-    with np.errstate(over="ignore"):
+    # A fresh edge has no wear: the rate of its life is infinite, and its time 0.
+    with np.errstate(over="ignore", divide="ignore"):
         if time is None:
             edge_wear = age
             edge_time = 1.0 / life_rate(material.wear, age, **settings)

@@ -275,6 +275,12 @@ def test_a_star_marks_a_cut_that_extrapolates(lowest_speed: float, ending: str) 
     assert [label for label in labels if label.endswith(ending)] != []
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_fresh_edge_has_cut_for_no_time() -> None:
+    cuts = what_if(BASE, 150.0, 0.3, wear=0.0)
+    assert cuts.time == 0.0
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("preset", "ending", "start"),

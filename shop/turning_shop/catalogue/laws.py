@@ -51,10 +51,10 @@ def material_of(
     keeps its constant with the thickness and the width of the chip.
     """
     force_feed = 1.0 - group.mc
-    by_thin_chip = entering_sine**-group.mc
+    specific_force = group.kc11 * entering_sine**-group.mc  # at unit feed and depth [N/mm2]
     power = _worn(
         PowerLaw(
-            coefficient=by_thin_chip * group.kc11 / 60_000.0,  # N/mm2 mm2 m/min to kW
+            coefficient=specific_force / 60_000.0,  # N/mm2 mm2 m/min to kW
             cutting_speed=1.0,
             feed=force_feed,
             depth_of_cut=1.0,
@@ -63,14 +63,14 @@ def material_of(
         ),
         growth=TYPICAL_GROWTH["power"],
     )
-    share = thrust.share_of(group).value
-    at_unit_cut = (thrust.REFERENCE_FEED * thrust.REFERENCE_DEPTH) ** thrust.THINNING
-    share_of_thin_chip = entering_sine**-thrust.THINNING
+    share = thrust.share_of(group)
+    reference_cut = thrust.REFERENCE_FEED * thrust.REFERENCE_DEPTH
+    share_at_unit_cut = share.value * (reference_cut / entering_sine) ** share.thinning
     thrust_force = _worn(
         PowerLaw(
-            coefficient=share * share_of_thin_chip * at_unit_cut * by_thin_chip * group.kc11,
-            feed=force_feed - thrust.THINNING,
-            depth_of_cut=1.0 - thrust.THINNING,
+            coefficient=share_at_unit_cut * specific_force,
+            feed=force_feed - share.thinning,
+            depth_of_cut=1.0 - share.thinning,
             reference_depth_of_cut=1.0,
             hardness=FORCE_EXPONENT,
         ),

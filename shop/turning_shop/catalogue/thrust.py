@@ -1,9 +1,9 @@
 """The share of the thrust force in the cutting force, by material, from public measurements.
 
 The thrust force is the resultant of feed force and passive force. Its share in the cutting force
-grows as the chip gets thinner and the nose takes more of the cut:
+grows as the chip gets thinner and the nose takes more of the cut, in steel with t = 0.15:
 
-    thrust / cutting force = share * (f / 0.3 mm/rev)^-0.15 * (ap / 2 mm)^-0.15
+    thrust / cutting force = share * (f / 0.3 mm/rev)^-t * (ap / 2 mm)^-t
 
 ``shop/examples/measured_sets.py papers`` computes shares and exponents of the public sets;
 ``shop/docs/measured_data.md`` lists them.
@@ -28,6 +28,7 @@ class Share(NamedTuple):
     value: float  # [-]
     deviation: float  # log standard deviation [-]
     source: str
+    thinning: float = THINNING  # exponent of feed and of depth by which it falls [-]
 
 
 _STEEL = Share(
@@ -41,6 +42,7 @@ _ALUMINIUM = Share(
     0.4,
     "23 cuts of 6351-T6 (M. C. dos Santos Jr., livro-doe-usinagem) have about 0.11; 0.18 is the "
     "safer side, as no second public set was found",
+    thinning=0.0,  # it does not depend on the feed in these cuts
 )
 _COPPER = Share(0.45, 0.3, "assumption: 0.25 to 0.8, for no public set was found")
 _NICKEL = Share(
