@@ -12,6 +12,11 @@ bars' hardness, and s of the edge's force over nominal. The scenario's spreads a
 lengths are the prior, and set how fast d and b change along the bar.
 
 From the estimates follow the feeds and speeds that the limits allow. ``shield.py`` decides on them.
+
+The filter is independent of that of the policies (``baselines/models/load_filter.py``) on purpose:
+an error there, or a policy that exploits one, must not blind the guard as well. Both share the laws
+of the scenario's material, the spindle's capacity and idle power, and the scenario's spreads and
+noise, so both are wrong where these are.
 """
 
 import math

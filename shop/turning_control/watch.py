@@ -7,6 +7,7 @@ before, with one another and with the commands. A sensor with a wrong scale pass
 from collections import deque
 
 import numpy as np
+from turning_control.observer import MIN_WEAR
 from turning_control.readings import (
     NUMBERS,
     OVERSHOOT,
@@ -54,7 +55,7 @@ class Watch:
         self._stuck = max(STUCK_TIME / control.interval, STUCK_INTERVALS)
         self._feed_lags = self._intervals_to_follow(machine.feed_time_constant)
         self._spindle_lags = self._intervals_to_follow(machine.spindle_time_constant)
-        self._min_wear = 0.05 * scenario.tool.wear_criterion
+        self._min_wear = MIN_WEAR * scenario.tool.wear_criterion
         self._set_drawing()
         self.reset()
 
