@@ -96,11 +96,11 @@ def what_if(
 
     material = scenario.material
     criterion = scenario.tool.wear_criterion
-    # A fresh edge has no wear: the rate of its life is infinite, and its time 0.
     with np.errstate(over="ignore", divide="ignore"):
         if time is None:
             edge_wear = age
-            edge_time = 1.0 / life_rate(material.wear, age, **settings)
+            # The rate to a wear of 0 is infinite: a fresh edge has cut for no time.
+            edge_time = np.where(age > 0.0, 1.0 / life_rate(material.wear, age, **settings), 0.0)
         else:
             edge_wear = material.wear(**settings, time=age)
             edge_time = age
