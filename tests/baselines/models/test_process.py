@@ -51,9 +51,9 @@ def test_a_limit_that_no_feed_reaches_has_no_highest_feed(exponent: float) -> No
 
 
 def test_lines_cross_where_both_limits_are_reached() -> None:
-    # 2 x + y = 7 and x + 3 y = 11 meet at (2, 3).
+    # 2 x + y = 7 and 5 x + 3 y = 19 meet at (2, 3).
     first = Line(cutting_speed=2.0, feed=1.0, room=np.array(7.0))
-    second = Line(cutting_speed=1.0, feed=3.0, room=np.array(11.0))
+    second = Line(cutting_speed=5.0, feed=3.0, room=np.array(19.0))
     speed, feed = first.crossing(second)
     assert (number(speed), number(feed)) == pytest.approx((2.0, 3.0))
 
@@ -94,8 +94,8 @@ SCENARIO = changed(
         "wear": {
             "coefficient": 0.01,
             "cutting_speed": 0.75,
-            "feed": 0.25,
-            "depth_of_cut": 0.125,
+            "feed": 0.125,
+            "depth_of_cut": 0.375,
             "reference_depth_of_cut": 2.5,
             "time": 0.25,
             "hardness": 0.5,
@@ -120,7 +120,7 @@ def test_the_process_of_a_scenario_has_its_laws_limits_and_prices() -> None:
     assert process.further == {}
     # W = W_max (t / T)^n is W_max / (1 + n) on average.
     assert process.mean_wear == pytest.approx(0.32)
-    assert process.life_exponents == pytest.approx((3.0, 1.0, 0.5))
+    assert process.life_exponents == pytest.approx((3.0, 0.5, 1.5))
 
 
 def test_a_limit_of_torque_of_the_scenario_holds() -> None:
@@ -175,7 +175,7 @@ def test_scaled_loads_meet_their_limits_earlier() -> None:
 def test_life_and_cost_by_hand() -> None:
     process = Process.of(SCENARIO)
     life = number(process.log_life(math.log(100.0), math.log(0.2), 2.0, 1.2))
-    wear = 0.01 * 100.0**0.75 * 0.2**0.25 * (2.0 / 2.5) ** 0.125 * 1.2**0.5
+    wear = 0.01 * 100.0**0.75 * 0.2**0.125 * (2.0 / 2.5) ** 0.375 * 1.2**0.5
     assert math.exp(life) == pytest.approx((0.4 / wear) ** 4)
     cost = number(process.log_cost(math.log(100.0), math.log(0.2), 2.0, 1.2))
     # (1 + gamma / T) / (V S t), with gamma = 5 min.
@@ -183,10 +183,13 @@ def test_life_and_cost_by_hand() -> None:
     assert math.exp(cost) == pytest.approx(expected)
 
 
-def test_free_edges_cost_no_time() -> None:
-    free = changed(SCENARIO, economics={"edge_cost": 0.0, "edge_change_time": 0.0})
-    cost = number(Process.of(free).log_cost(math.log(100.0), math.log(0.2), 2.0, 1.0))
-    assert math.exp(cost) == pytest.approx(1.0 / 40.0)
+@pytest.mark.parametrize("price", [0.0, 0.5])
+def test_cheap_edges_cost_their_time_and_free_ones_none(price: float) -> None:
+    cheap = changed(SCENARIO, economics={"edge_cost": price, "edge_change_time": 0.0})
+    process = Process.of(cheap)
+    at = (math.log(200.0), math.log(0.2), 2.0, 1.0)
+    life = math.exp(number(process.log_life(*at)))
+    assert math.exp(number(process.log_cost(*at))) == pytest.approx((1.0 + price / life) / 80.0)
 
 
 @pytest.mark.parametrize(
@@ -207,9 +210,9 @@ def test_along_a_limit_the_cost_is_least_at_the_economic_life(alpha: float, beta
         log_feed = number(line.highest_feed(np.array(log_speed)))
         return number(process.log_cost(log_speed, log_feed, 2.5, 1.0))
 
-    # mu = 3 and nu = 1.
-    expected = 5.0 * ((alpha - 3.0 * beta) / (alpha - beta) - 1.0)
-    growth = (alpha - 3.0 * beta) / (alpha - beta)
+    # mu = 3 and nu = 0.5.
+    growth = (0.5 * alpha - 3.0 * beta) / (alpha - beta)
+    expected = 5.0 * (growth - 1.0)
     found = process.economic_life(limit)
     if growth < 0.0:
         assert found == math.inf
@@ -225,13 +228,13 @@ def test_along_a_limit_the_cost_is_least_at_the_economic_life(alpha: float, beta
 @pytest.mark.parametrize(
     ("alpha", "beta", "life"),
     [
-        # (alpha - 3 beta) / (alpha - beta) is 2, 0.5, -1, and none.
-        pytest.param(-1.0, 1.0, 5.0, id="growth of 2"),
-        pytest.param(1.0, 0.2, 0.0, id="growth of a half: cheapest at the end"),
+        # The growth is (0.5 alpha - 3 beta) / (alpha - beta).
+        pytest.param(-1.0, 1.0, 3.75, id="growth of 1.75"),
+        pytest.param(1.0, 0.1, 0.0, id="growth of 2 / 9: cheapest at the end"),
         pytest.param(1.0, 0.5, math.inf, id="growth below 0: as slow as can be"),
         pytest.param(0.75, 0.75, math.inf, id="same removal all along"),
         pytest.param(0.75, 0.75 + 0.5 * ALIKE, math.inf, id="the same but for rounding"),
-        pytest.param(3.0, 1.0, 0.0, id="growth of 0"),
+        pytest.param(6.0, 1.0, 0.0, id="growth of 0"),
     ],
 )
 def test_economic_lives_by_hand(alpha: float, beta: float, life: float) -> None:
