@@ -317,6 +317,23 @@ def test_the_price_of_life_is_what_the_best_set_point_earns_with_it(edge_changes
     assert prices["life"][2] > 0.0
 
 
+def test_used_lives_are_kept_within_a_hundredth_and_1() -> None:
+    """The force is so high that it limits the feed all along the life."""
+    parameters = records([numbers_of(BY_HAND, severity=1.2)])
+    heavy = expected_laws(BY_HAND)
+    heavy["log_force"] += math.log(100.0)
+    lives = np.array([0.001, 0.01, 0.02, 0.9, 1.0, 1.4])
+    prices = np.zeros(len(lives), PRICES)
+    price_life(parameters, np.tile(heavy, len(lives)), lives, prices)
+    fresh, at_least, later, late, at_most, over = prices["life"]
+    assert fresh == at_least > later > late > at_most == over
+
+
+def test_life_that_is_worth_less_than_a_second_counts() -> None:
+    # 100.2 - 99.9 c = 0.2 + 0.1 c at c = 1, where the life is worth 0.3 s.
+    assert price_of_time(edge(0.2, 0.1), *lives_of([100.2], [99.9])) == pytest.approx(1.0)
+
+
 def test_worthless_life_need_not_be_used_if_edges_are_changed_on_command() -> None:
     """Where metal pays next to nothing, the best set point loses time."""
     poor = changed(BY_HAND, economics={"reference_removal_rate": 1e4})
