@@ -139,6 +139,7 @@ def test_the_slope_of_the_gain_leads_uphill(scenario: Scenario) -> None:
         assert gain >= trial.gain
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize(
     ("scenario", "of_points"),
     [
