@@ -144,13 +144,15 @@ def other_operators(node: Any) -> Iterator[ast.AST]:
 
 def other_values(node: Any) -> Iterator[ast.AST]:
     """Yield another number or truth value."""
-    match node:
-        case ast.Constant(value=bool()):
-            yield with_fields(node, value=not node.value)
-        case ast.Constant(value=int()):
-            yield with_fields(node, value=node.value + 1)
-        case ast.Constant(value=float()):
-            yield with_fields(node, value=2.0 * node.value or 1.0)
+    if not isinstance(node, ast.Constant):
+        return
+    value: Any = node.value
+    if isinstance(value, bool):
+        yield with_fields(node, value=not value)
+    elif isinstance(value, int):
+        yield with_fields(node, value=value + 1)
+    elif isinstance(value, float):
+        yield with_fields(node, value=2.0 * value or 1.0)
 
 
 def dropped_bounds(node: Any) -> Iterator[ast.AST]:
