@@ -3,14 +3,17 @@
 A score is 0 for the best fixed speed and feed, and 100 for the oracle of the state
 (``leaderboard.statistics.score_of``). The numbers are those of Agarwal et al. (2021, "Deep
 reinforcement learning at the edge of the statistical precipice", arXiv 2108.13264): interquartile
-means over tasks, performance profiles and probabilities of improvement. Their intervals come from
-a stratified bootstrap, which resamples the seeds of every task, and each policy's training seeds,
-apart from those of other tasks.
+means over tasks, performance profiles and probabilities of improvement.
+
+The score of a policy on a task, with its bootstrap replicates, is that of its standing. Over tasks
+the bootstrap is stratified: the replicates of each task are put into an order of its own, so that
+those of two tasks are independent, and every interval on one task is the leaderboard's.
 """
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from zlib import crc32
 
 import numpy as np
 
@@ -22,13 +25,14 @@ from leaderboard.result import ResultError, result_files, result_folder
 from leaderboard.scoring import SPLIT
 from leaderboard.standings import Standing
 from leaderboard.statistics import (
+    KEY,
+    RESAMPLES,
     Bootstrap,
     Estimate,
     Floats,
     Mean,
     interquartile_mean,
     reason_not_to_rank,
-    score_of,
 )
 from leaderboard.table import MARKS
 from turning_env import FAMILY_ID, IDS
@@ -58,14 +62,14 @@ def _is_published(standing: Standing, fixed: str) -> bool:
 
 def _is_unprivileged(standing: Standing, fixed: str) -> bool:
     is_learned = standing.kind == "agent" and standing.name not in SIMPLE_SEARCHES
-    return is_learned and standing.policy_class != "privileged agent"
+    return is_learned and standing.about.policy_class != "privileged agent"
 
 
 def _of_class(title: str, policy_class: str) -> Kind:
     """Return the kind of a class, without simple searches."""
 
     def holds(standing: Standing, fixed: str) -> bool:
-        return standing.policy_class == policy_class and standing.name not in SIMPLE_SEARCHES
+        return standing.about.policy_class == policy_class and standing.name not in SIMPLE_SEARCHES
 
     return Kind(title, holds)
 
@@ -89,7 +93,7 @@ KINDS = (
 
 
 class TaskScores:
-    """The scores of all policies on one task.
+    """The standings of a task that has scores, for numbers over tasks.
 
     Args:
         leaderboard: ranked results of the task.
@@ -106,14 +110,13 @@ class TaskScores:
         compared = comparators(task.scenario, on_family=task.of_family is not None)
         self.fixed = compared.fixed
         self._standings = {standing.name: standing for standing in leaderboard.standings}
-        self._bootstrap = Bootstrap(len(task.seeds), stratum=self.label)
-        self._returns = _returns_by_name(leaderboard)
+        self._bootstrap = Bootstrap(len(task.seeds))
+        shuffle = np.random.default_rng([KEY, crc32(self.label.encode())])
+        self._order = shuffle.permutation(RESAMPLES)
         for end in (self.fixed, CAUSAL):
-            if end not in self._returns:
+            if end not in self._standings:
                 raise ResultError(f"{self.label} has no scores: {end} has not played")
-        self._fixed_mean = self._mean_return(self.fixed)
-        self._oracle_mean = self._mean_return(CAUSAL)
-        if self.score(CAUSAL) is None:
+        if self._standings[CAUSAL].score is None:
             raise ResultError(
                 f"{self.label} has no scores: {CAUSAL} is no better than {self.fixed}"
             )
@@ -133,11 +136,13 @@ class TaskScores:
     def mark(self, name: str) -> str:
         """Return the mark of a policy that is not certainly feasible, as tables have it."""
         standing = self._standings[name]
-        return "" if standing.kind == "oracle" else MARKS[standing.feasibility]
+        return "" if standing.kind == "oracle" else MARKS[standing.overload.feasibility]
 
-    def score(self, name: str) -> Mean | None:
-        """Return the score of a policy with its replicates; None if the ends do not differ."""
-        return score_of(self._mean_return(name), fixed=self._fixed_mean, oracle=self._oracle_mean)
+    def score(self, name: str) -> Mean:
+        """Return the score of a policy, with replicates that are independent of other tasks'."""
+        score = self._standings[name].score
+        assert score is not None  # as the oracle has one
+        return Mean(score.value, score.replicates[self._order])
 
     def episode_scores(self, name: str) -> Floats:
         """Return the score of each episode of a policy, shape (training seeds, seeds).
@@ -145,9 +150,10 @@ class TaskScores:
         It is 100 less the distance from the oracle on the same seed in hundredths of the mean gap,
         so the mean of all episodes is the policy's score.
         """
-        gap = self._oracle_mean.value - self._fixed_mean.value
-        oracle = self._returns[CAUSAL].mean(axis=0)
-        return np.asarray(100.0 - 100.0 * (oracle - self._returns[name]) / gap)
+        oracle = self._standings[CAUSAL]
+        gap = oracle.mean_return.value - self._standings[self.fixed].mean_return.value
+        behind = oracle.returns.mean(axis=0) - self._standings[name].returns
+        return np.asarray(100.0 - 100.0 * behind / gap)
 
     def share_above(self, name: str, level: float) -> Mean:
         """Return the share of a policy's episodes with a score above a level."""
@@ -155,33 +161,25 @@ class TaskScores:
 
     def shares_above(self, name: str, levels: Floats) -> Floats:
         """Return replicates of the share of episodes above levels, shape (levels, resamples)."""
-        return self._bootstrap.shares_above(self.episode_scores(name), levels, name)
+        shares = self._bootstrap.shares_above(self.episode_scores(name), levels, name)
+        return shares[:, self._order]
 
     def wins(self, name: str, other: str) -> Mean:
         """Return the share of seeds on which a policy returns more than another; a tie is half.
 
         Every training of one is compared with every training of the other.
         """
-        wins = np.zeros(self._returns[name].shape)
-        for returns in self._returns[other]:
-            wins += np.where(self._returns[name] == returns, 0.5, self._returns[name] > returns)
-        return self._mean_of(wins / len(self._returns[other]), name)
-
-    def _mean_return(self, name: str) -> Mean:
-        return self._mean_of(self._returns[name], name)
+        returns = self._standings[name].returns
+        others = self._standings[other].returns
+        wins = np.zeros(returns.shape)
+        for training in others:
+            wins += np.where(returns == training, 0.5, returns > training)
+        return self._mean_of(wins / len(others), name)
 
     def _mean_of(self, values: Floats, name: str) -> Mean:
-        return Mean(float(np.mean(values)), self._bootstrap.means(values, name))
-
-
-def _returns_by_name(leaderboard: Leaderboard) -> dict[str, Floats]:
-    """Return the returns of each standing's policy [s], shape (training seeds, seeds)."""
-    names = leaderboard.names
-    lists: dict[str, list[list[float]]] = {}
-    for result in leaderboard.results:
-        name = names[result.policy.label]
-        lists.setdefault(name, []).append(result.episodes["return"])
-    return {name: np.array(returns) for name, returns in lists.items()}
+        """Return a mean over episodes, with replicates that are independent of other tasks'."""
+        replicates = self._bootstrap.means(values, name)
+        return Mean(float(np.mean(values)), replicates[self._order])
 
 
 def read(results: Path) -> list[TaskScores]:
@@ -224,10 +222,8 @@ def by_task(tasks: Sequence[TaskScores]) -> list[dict[str, str]]:
 
 def _named_score(task: TaskScores, name: str) -> str:
     """Return a policy's name and score, with a mark if it is not certainly feasible."""
-    score = task.score(name)
-    assert score is not None
     # A score between -0.5 and 0 is 0, not -0.
-    return f"`{name}` {round(score.value) + 0}{task.mark(name)}"
+    return f"`{name}` {round(task.score(name).value) + 0}{task.mark(name)}"
 
 
 Entry = dict[TaskScores, str]
@@ -263,11 +259,7 @@ def mean_score(entry: Entry) -> Mean:
 
     Of fewer than four tasks it is their mean: quarters are rounded down.
     """
-    scores = []
-    for task, name in entry.items():
-        score = task.score(name)
-        assert score is not None
-        scores.append(score)
+    scores = [task.score(name) for task, name in entry.items()]
     replicates = np.stack([score.replicates for score in scores], axis=-1)
     values = np.array([score.value for score in scores])
     return Mean(interquartile_mean(values).item(), interquartile_mean(replicates))

@@ -6,10 +6,11 @@ A column has a heading, a unit and a definition, and reads its value from a ``St
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 
 from leaderboard.inputs import RUN_TIME_INPUTS, TRAINING_INPUTS
 from leaderboard.standings import LARGEST, Standing, ranked_by
-from leaderboard.statistics import Estimate
+from leaderboard.statistics import Estimate, Mean
 from turning_env import Scenario
 
 
@@ -34,19 +35,24 @@ class Column:
     heading: str
     unit: str
     definition: str
-    field: str  # field of Standing
+    path: str  # of the number in Standing, such as "overload.severe_share"
     decimals: int = 0  # lowest number of decimals; a narrow interval needs more
     factor: float = 1.0  # factor from the unit of Standing to unit
     # Whether a policy without episodes, such as the clairvoyant bound, lacks the number.
     of_play: bool = False
     lower_is_better: bool = False
 
+    @property
+    def key(self) -> str:
+        """The name of the number in the output of ``--json``."""
+        return self.path.rpartition(".")[2]
+
     def value(self, standing: Standing) -> Estimate | float | None:
         """Return the standing's value in the unit of ``Standing``, None if it has none."""
-        if self.of_play and standing.minutes == 0.0:
+        if self.of_play and standing.operation.minutes == 0.0:
             return None
-        value: Estimate | float | None = getattr(standing, self.field)
-        return value
+        value: Mean | Estimate | float | None = attrgetter(self.path)(standing)
+        return value.estimate if isinstance(value, Mean) else value
 
     def cell(self, standing: Standing) -> Cell:
         """Return the standing's value in this column's unit, with its interval if it has one."""
@@ -72,14 +78,14 @@ class Column:
 
 @dataclass(frozen=True)
 class TrainingInput(Column):
-    """Whether an agent is given an input in training or at run time: ``field`` is its name."""
+    """Whether an agent is given an input in training or at run time: ``key`` is its name."""
 
     def value(self, standing: Standing) -> float | None:
         """Return 1 or 0; None if the policy is no agent or its file does not state it."""
-        inputs = standing.inputs
+        inputs = standing.about.inputs
         if inputs is None or inputs.training is None:
             return None
-        return float(self.field in inputs.training or self.field in inputs.run_time)
+        return float(self.key in inputs.training or self.key in inputs.run_time)
 
     def cell(self, standing: Standing) -> Cell:
         """Return "yes" or "no"; nothing if that is unknown."""
@@ -95,7 +101,8 @@ class TrainingSteps(Column):
 
     def value(self, standing: Standing) -> float | None:
         """Return the number; None if the policy is no agent or its file does not state it."""
-        return None if standing.inputs is None else standing.inputs.steps
+        inputs = standing.about.inputs
+        return None if inputs is None else inputs.steps
 
     def cell(self, standing: Standing) -> Cell:
         """Return the number with commas; nothing if it is unknown."""
@@ -112,7 +119,7 @@ class ClassRank(Column):
         rank = standing.class_rank
         if rank is None:
             return EMPTY
-        return Cell(str(rank), interval=standing.policy_class, number=rank)
+        return Cell(str(rank), interval=standing.about.policy_class, number=rank)
 
 
 _EXCESS = (
@@ -126,7 +133,7 @@ RETURN = Column(
     definition="Mean over seeds and training seeds of the sum of an episode's rewards. If an "
     "episode is one edge and its metal does not pay, the return is higher if the edge ends early: "
     "compare full costs.",
-    field="mean_return",
+    path="mean_return",
 )
 FULL_COST = Column(
     "full cost",
@@ -134,7 +141,7 @@ FULL_COST = Column(
     definition="Price of time, edges, breakage and overload in minutes of machine time, over metal "
     "removed. Metal pays for itself below 1000 / reference_removal_rate of the scenario, by "
     "default 8.7.",
-    field="full_cost",
+    path="costs.full_cost",
     decimals=2,
     of_play=True,
     lower_is_better=True,
@@ -146,14 +153,14 @@ RETURNS = (
         "interquartile return",
         "s",
         definition="Mean of the middle half of all episodes' returns.",
-        field="interquartile_return",
+        path="interquartile_return",
     ),
     ClassRank(
         "rank in class",
         "-",
         definition="Rank among the policies of the same class, which were given alike: see the "
         "definitions of classes.",
-        field="class_rank",
+        path="class_rank",
         lower_is_better=True,
     ),
 )
@@ -164,7 +171,7 @@ JOBS = (
         definition="Cost of time, edges, overload and breakage over the worth of the metal, sums "
         "of all jobs; above 100 the metal does not pay. It is not per volume, as volumes of "
         "different materials do not add up.",
-        field="full_cost_share",
+        path="costs.full_cost_share",
         factor=100,
         lower_is_better=True,
     ),
@@ -173,14 +180,14 @@ JOBS = (
         "s",
         definition="Return less that of the best rule with true laws on the same jobs: what the "
         "nominal model's faults still cost.",
-        field="over_truth",
+        path="leads.over_truth",
     ),
-    Column("worst job", "s", definition="Lowest return of a job.", field="worst_return"),
+    Column("worst job", "s", definition="Lowest return of a job.", path="operation.worst_return"),
     Column(
         "feasible jobs",
         "% of jobs",
         definition="Jobs within the allowance of severe overload.",
-        field="feasible_jobs",
+        path="operation.feasible_jobs",
         factor=100,
     ),
 )
@@ -191,7 +198,7 @@ SCORE = (
         definition="Place of the mean return between that of the best fixed speed and feed, 0, and "
         "that of the causal oracle, 100, on the same seeds. Fixed parameters are tuned on tuning "
         "seeds, or on a family the best of each job's nominal model.",
-        field="score",
+        path="score",
         decimals=1,
     ),
     Column(
@@ -200,7 +207,7 @@ SCORE = (
         definition="Return less that of the causal oracle on the same seeds: the price of not "
         "knowing the state and of imperfect control; for the clairvoyant bound, the value of "
         "foresight.",
-        field="over_causal",
+        path="leads.over_causal",
     ),
 )
 COMPARISONS = (
@@ -208,13 +215,13 @@ COMPARISONS = (
         "over fixed",
         "s",
         definition="Return less that of the task's best fixed parameters on the same seeds.",
-        field="over_fixed",
+        path="leads.over_fixed",
     ),
     Column(
         "over published",
         "s",
         definition="Return less that of the task's published controller on the same seeds.",
-        field="over_published",
+        path="leads.over_published",
     ),
     Column(
         "over best other rule",
@@ -222,13 +229,13 @@ COMPARISONS = (
         definition="Return less that of the best other rule on the same seeds: of the rules that "
         "are not this policy, the one with the highest mean return, a feasible one if there is "
         "any. In the row of the best rule, this is its lead over the next rule.",
-        field="over_best_rule",
+        path="leads.over_best_rule",
     ),
     Column(
         "median lead",
         "s",
         definition="Median over seeds of the lead over the best other rule.",
-        field="median_over_best_rule",
+        path="leads.median_over_best_rule",
         decimals=1,
     ),
     Column(
@@ -236,14 +243,14 @@ COMPARISONS = (
         "s",
         definition=f"Mean lead over the best other rule without the {LARGEST} seeds on which the "
         "two differ most.",
-        field="over_best_rule_without_largest",
+        path="leads.over_best_rule_without_largest",
         decimals=1,
     ),
     Column(
         "beats best other rule",
         "% of seeds",
         definition="Seeds with a higher return than the best other rule's.",
-        field="beats_best_rule",
+        path="leads.beats_best_rule",
         factor=100,
     ),
 )
@@ -252,7 +259,7 @@ LIMITS = (
         "over a limit",
         "%",
         definition="Share of cutting time above a limit of force or power.",
-        field="overload_share",
+        path="overload.overload_share",
         decimals=2,
         factor=100,
         of_play=True,
@@ -262,7 +269,7 @@ LIMITS = (
         "over by 2 %",
         "%",
         definition=_EXCESS.format(2),
-        field="share_above_2_percent",
+        path="overload.share_above_2_percent",
         decimals=2,
         factor=100,
         of_play=True,
@@ -272,7 +279,7 @@ LIMITS = (
         "severe overload",
         "%",
         definition="Cutting time above a limit by more than its tolerance.",
-        field="severe_share",
+        path="overload.severe_share",
         decimals=2,
         factor=100,
         of_play=True,
@@ -282,7 +289,7 @@ LIMITS = (
         "over by 10 %",
         "%",
         definition=_EXCESS.format(10),
-        field="share_above_10_percent",
+        path="overload.share_above_10_percent",
         decimals=2,
         factor=100,
         of_play=True,
@@ -293,7 +300,7 @@ LIMITS = (
         "%",
         definition="Lower 95 % confidence limit (one-sided) of the time in severe overload. Above "
         "the allowance, it is infeasible.",
-        field="severe_lower_limit",
+        path="overload.severe_lower_limit",
         decimals=2,
         factor=100,
         of_play=True,
@@ -304,7 +311,7 @@ LIMITS = (
         "%",
         definition="Upper 95 % confidence limit (one-sided) of the time in severe overload. Within "
         "the allowance, the policy is feasible.",
-        field="severe_limit",
+        path="overload.severe_limit",
         decimals=2,
         factor=100,
         of_play=True,
@@ -314,7 +321,7 @@ LIMITS = (
         "excess",
         "%",
         definition="Mean excess over force and power limits, added, while cutting.",
-        field="excess",
+        path="overload.excess",
         decimals=3,
         factor=100,
         of_play=True,
@@ -327,7 +334,7 @@ CONSTRAINT = (
         "-",
         definition="Rank on the constraint track: feasible policies by cost, whatever their "
         "return.",
-        field="constraint_rank",
+        path="constraint_rank",
         lower_is_better=True,
     ),
     Column(
@@ -335,7 +342,7 @@ CONSTRAINT = (
         "min/dm3",
         definition="All that time, and the price of the edges used up, in minutes of machine time, "
         "over metal removed; overload is free.",
-        field="cost",
+        path="costs.cost",
         decimals=2,
         of_play=True,
         lower_is_better=True,
@@ -344,7 +351,7 @@ CONSTRAINT = (
         "over least cost",
         "min/dm3",
         definition="Cost less that of the cheapest other feasible policy on the same seeds.",
-        field="over_least_cost",
+        path="costs.over_least_cost",
         decimals=2,
         of_play=True,
         lower_is_better=True,
@@ -355,7 +362,7 @@ CONSTRAINT = (
         definition="Metal removed over all time: machine time, edge changes and the downtime of "
         "breakages. An edge that the time limit leaves unfinished is charged its used share of a "
         "change.",
-        field="removal_rate",
+        path="operation.removal_rate",
         decimals=1,
         of_play=True,
     ),
@@ -365,7 +372,7 @@ WORKSHOP = (
         "time",
         "min",
         definition="Mean time of an episode: machine time, edge changes, downtime of breakages.",
-        field="minutes",
+        path="operation.minutes",
         decimals=2,
         of_play=True,
         lower_is_better=True,
@@ -374,7 +381,7 @@ WORKSHOP = (
         "cost per part",
         "min",
         definition="Time per part, plus the price of the edges used up in minutes of machine time.",
-        field="part_cost",
+        path="costs.part_cost",
         decimals=2,
         of_play=True,
         lower_is_better=True,
@@ -383,7 +390,7 @@ WORKSHOP = (
         "roughness deviation",
         "%",
         definition="Mean relative deviation of Ra from its set point; 1 in air.",
-        field="roughness_deviation",
+        path="operation.roughness_deviation",
         decimals=2,
         factor=100,
         of_play=True,
@@ -393,7 +400,7 @@ WORKSHOP = (
         "edges",
         "edges",
         definition="Mean number of edges that an episode uses up.",
-        field="edges",
+        path="operation.edges",
         decimals=2,
         of_play=True,
         lower_is_better=True,
@@ -403,7 +410,7 @@ WORKSHOP = (
         "per 100",
         definition="Edges broken, per hundred used up; an edge that the time limit leaves "
         "unfinished counts as its used share.",
-        field="broken_share",
+        path="operation.broken_share",
         decimals=1,
         factor=100,
         of_play=True,
@@ -413,21 +420,21 @@ WORKSHOP = (
         "used life",
         "%",
         definition="Mean used share of the edge's life at the end of an episode.",
-        field="used_life",
+        path="operation.used_life",
         decimals=1,
         factor=100,
         of_play=True,
     ),
 )
 GIVEN_IN_TRAINING = tuple(
-    TrainingInput(name, "", definition=f"Given in training: {meaning}.", field=name)
+    TrainingInput(name, "", definition=f"Given in training: {meaning}.", path=name)
     for name, meaning in TRAINING_INPUTS.items()
 )
 SEEN_AT_RUN_TIME = tuple(
-    TrainingInput(name, "", definition=f"At run time the agent {meaning}.", field=name)
+    TrainingInput(name, "", definition=f"At run time the agent {meaning}.", path=name)
     for name, meaning in RUN_TIME_INPUTS.items()
 )
-STEPS = TrainingSteps("steps", "", definition="Environment steps of the training.", field="steps")
+STEPS = TrainingSteps("steps", "", definition="Environment steps of the training.", path="steps")
 GROUPS: dict[str, tuple[Column, ...]] = {
     "Result": RETURNS,
     "Over the jobs of a family": JOBS,
@@ -446,18 +453,18 @@ TRAINING_GROUPS = ("Given in training", "Run time and budget")
 
 def ranking(scenario: Scenario) -> Column:
     """Return the column by which feasible policies are ranked on a scenario."""
-    return RETURN if ranked_by(scenario) == RETURN.field else FULL_COST
+    return RETURN if ranked_by(scenario) == RETURN.key else FULL_COST
 
 
 _AIMS = ("part_cost", "roughness_deviation")
-"""Fields that a task has if they are its aim; the aim of other tasks is the return."""
+"""Numbers that a task has if they are its aim; the aim of other tasks is the return."""
 
 
 def groups(standings: Sequence[Standing]) -> dict[str, list[Column]]:
     """Return the columns that apply to a ranking, by heading; the task's aim comes first."""
     columns = {heading: applying(group, standings) for heading, group in GROUPS.items()}
     workshop = columns["In the workshop"]
-    aims = [column for column in workshop if column.field in _AIMS]
+    aims = [column for column in workshop if column.key in _AIMS]
     columns["Result"] = aims + columns["Result"]
     columns["In the workshop"] = [column for column in workshop if column not in aims]
     return {heading: group for heading, group in columns.items() if group}

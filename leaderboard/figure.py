@@ -90,7 +90,7 @@ def write(leaderboard: Leaderboard, path: Path) -> None:
 
 def _best_of(classes: Sequence[str], standings: Sequence[Standing]) -> str | None:
     """Return the name of the first standing of some classes; None if there is none."""
-    names = (standing.name for standing in standings if standing.policy_class in classes)
+    names = (standing.name for standing in standings if standing.about.policy_class in classes)
     return next(names, None)
 
 
@@ -122,7 +122,7 @@ def _draw_ranking(axes: Axes, leaderboard: Leaderboard) -> None:
 
 def _draw_standing(axes: Axes, standing: Standing, place: int) -> None:
     """Draw the return of a policy with its interval, and its shares of time over a limit."""
-    estimate = standing.mean_return
+    estimate = standing.mean_return.estimate
     colour, _ = style.policy_look(standing.name)
     is_filled = standing.feasible or standing.kind == "oracle"
     axes.plot([estimate.low, estimate.high], [place, place], color=colour, linewidth=2.5)
@@ -140,8 +140,8 @@ def _draw_standing(axes: Axes, standing: Standing, place: int) -> None:
         textcoords="offset points",
         ha="center",
     )
-    over = 100.0 * (standing.overload_share or 0.0)
-    severely_over = 100.0 * standing.severe_share
+    over = 100.0 * (standing.overload.overload_share or 0.0)
+    severely_over = 100.0 * standing.overload.severe_share
     axes.annotate(
         f"{over:.1f} ({severely_over:.1f})",
         (_SHARES_AT, place),

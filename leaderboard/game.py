@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from baselines import catalogue
 from leaderboard.scoring import shipped
-from leaderboard.statistics import severe_share
+from leaderboard.standings import best_rule, rank_together
 from turning_env import FAMILY_ID, IDS, Family, Scenario
 from turning_env.console import UserError, described, exits, positive
 from turning_env.extras import needed
@@ -87,7 +87,7 @@ def match_on_task(env_id: str, seed: int) -> Match:
         env_id=env_id,
         seed=seed,
         scenario=Scenario.load(IDS[env_id]),
-        opponent=best_rule(env_id),
+        opponent=best_opponent(env_id),
         title=f"{env_id}, seed {seed}",
     )
 
@@ -110,27 +110,19 @@ def match_on_family(name: str, seed: int) -> Match:
     )
 
 
-def best_rule(env_id: str) -> Opponent:
+def best_opponent(env_id: str) -> Opponent:
     """Return the rule of the highest mean return among the feasible ones of an id's leaderboard.
 
     Raise UserError if no feasible rule plays the id.
     """
     scenario = Scenario.load(IDS[env_id])
-    allowance = scenario.limits.overload_allowance
     rules = catalogue.names(scenario)
-    best: tuple[float, str] | None = None
-    for result in shipped(env_id):
-        is_rule = result.kind == "rule" and result.name in rules
-        if not is_rule or severe_share(result.severe, result.engaged) > allowance:
-            continue
-        mean_return = float(result.returns.mean())
-        candidate = (mean_return, result.name)
-        best = max(best, candidate) if best else candidate
-    if best is None:
+    policies = [played for played in shipped(env_id) if played.name in rules]
+    best = best_rule(rank_together(policies, scenario, on_family=False)) if policies else None
+    if best is None or not best.feasible:
         raise UserError(f"no feasible rule plays {env_id}")
-    _, name = best
-    rule = catalogue.spec(name, scenario)
-    return Opponent(name, rule.make(1))
+    rule = catalogue.spec(best.name, scenario)
+    return Opponent(best.name, rule.make(1))
 
 
 class Keyboard:

@@ -28,7 +28,7 @@ from leaderboard.result import (
     write_part,
     write_whole,
 )
-from leaderboard.scoring import FOLDER, SPLIT
+from leaderboard.scoring import FOLDER, SHIPPED_FIELDS, SPLIT
 from turning_env import FAMILY_ID, IDS
 from turning_env.scenario.family import DRAFTS, families
 
@@ -108,9 +108,8 @@ def returns_text(env_id: str, results: list[Result], **about: Any) -> str:
     for name, group in groupby(results, key=lambda result: result.policy.title):
         trainings = list(group)
         policy: dict[str, Any] = {"name": name, "kind": trainings[0].policy.kind}
-        policy["returns"] = _rounded("return", trainings)
-        policy["severe"] = _rounded("severe_overload_time", trainings)
-        policy["engaged"] = _rounded("engaged_time", trainings)
+        for field, key in SHIPPED_FIELDS.items():
+            policy[key] = _rounded(field, trainings)
         policies.append(policy)
     return json.dumps({"env_id": env_id, **about, "policies": policies}, allow_nan=False)
 

@@ -9,10 +9,18 @@ from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
+from baselines.catalogue import RULES
+from baselines.policy_spec import PolicySpec
+from leaderboard.agents.agent_file import description_of_training
+from leaderboard.inputs import Inputs, class_of
 from leaderboard.notices import notify_once
+from leaderboard.policies import is_external
 from leaderboard.result import (
     MANIFEST_FILE,
     TRAJECTORIES_FILE,
+    ExcessShares,
     Manifest,
     PartType,
     Result,
@@ -22,9 +30,10 @@ from leaderboard.result import (
     read_results,
     result_files,
 )
-from leaderboard.standings import Standing, names_of, rank
+from leaderboard.standings import About, Played, Standing, rank_together
 from leaderboard.trajectories import Trajectories
 from turning_env import ALL_IDS, IDS
+from turning_env.files import digest_of
 
 
 @dataclass(frozen=True)
@@ -92,9 +101,120 @@ class _Content:
 
 
 # A site, its figures and its tables rank the same results: each ranking takes up to a second.
-@lru_cache(64)
+@lru_cache(32)
 def _standings(content: _Content) -> tuple[Standing, ...]:
     return tuple(rank(content.results))
+
+
+def rank(results: Sequence[Result]) -> list[Standing]:
+    """Return the standings of all policies of one task, given at least one result.
+
+    ``leaderboard.standings.rank_together`` says in which order.
+    """
+    task = results[0].task
+    names = names_of([result.policy for result in results])
+    results_by_name: dict[str, list[Result]] = {}
+    for result in results:
+        results_by_name.setdefault(names[result.policy.label], []).append(result)
+    policies = [_played(name, trainings) for name, trainings in results_by_name.items()]
+    return rank_together(policies, task.scenario, on_family=task.of_family is not None)
+
+
+def _played(name: str, results: Sequence[Result]) -> Played:
+    """Return the episodes of a policy by its results: one per training seed; a rule has one."""
+    policy = results[0].policy
+    episodes = {}
+    for field_name in results[0].episodes:
+        episodes[field_name] = np.array([result.episodes[field_name] for result in results])
+    excess = _excess_shares(results)
+    return Played(
+        name=name,
+        kind=policy.kind,
+        episodes=episodes,
+        about=_about(results),
+        share_above_2_percent=None if excess is None else excess.above_2_percent,
+        share_above_10_percent=None if excess is None else excess.above_10_percent,
+    )
+
+
+def _about(results: Sequence[Result]) -> About:
+    """Return what a policy is, and what it is given."""
+    policy = results[0].policy
+    training_seeds: tuple[int, ...] = ()
+    inputs = None
+    if policy.kind == "agent":
+        training_seeds = tuple(sorted(result.policy.training_seed or 0 for result in results))
+        scenario = policy.trained_on or results[0].task.scenario
+        inputs = Inputs.of(policy.parameters).on(scenario)
+    return About(
+        policy_class=class_of(policy),
+        inputs=inputs,
+        description=_description(policy),
+        own=is_external(policy),
+        training_seeds=training_seeds,
+        knows=policy.knows,
+        forgets=policy.forgets,
+    )
+
+
+def _excess_shares(results: Sequence[Result]) -> ExcessShares | None:
+    """Return the shares of cutting time over a limit; None if a result lacks them."""
+    engaged_time = 0.0
+    above_2_percent = 0.0
+    above_10_percent = 0.0
+    for result in results:
+        if result.excess is None:
+            return None
+        engaged = float(np.sum(result.episodes["engaged_time"]))
+        engaged_time += engaged
+        above_2_percent += engaged * result.excess.above_2_percent
+        above_10_percent += engaged * result.excess.above_10_percent
+    if engaged_time <= 0.0:
+        return ExcessShares(above_2_percent=0.0, above_10_percent=0.0)
+    return ExcessShares(
+        above_2_percent=above_2_percent / engaged_time,
+        above_10_percent=above_10_percent / engaged_time,
+    )
+
+
+def names_of(policies: Sequence[PolicySpec]) -> dict[str, str]:
+    """Return the name under which each policy is ranked, by its label.
+
+    Agents that differ only in training seed share a name. If agents of one name differ in more, or
+    only some come with the project, the first keeps the name, those of the project before others.
+    The names of the others end in their training seeds.
+    """
+    trainings_by_title: dict[str, dict[str, list[PolicySpec]]] = {}
+    for policy in sorted(policies, key=is_external):
+        # Agents whose trainings differ only in their seed have the same digest.
+        training = policy.model_dump(include={"kind", "tuned_for", "parameters"})
+        digest = digest_of([is_external(policy), training])
+        trainings = trainings_by_title.setdefault(policy.title, {})
+        trainings.setdefault(digest, []).append(policy)
+
+    names: dict[str, str] = {}
+    for title, trainings in trainings_by_title.items():
+        for place, same_training in enumerate(trainings.values()):
+            name = title
+            if place > 0:
+                seeds = [str(policy.training_seed) for policy in same_training]
+                name = f"{title}-seed{','.join(seeds)}"
+            for policy in same_training:
+                names[policy.label] = name
+    return names
+
+
+def _description(policy: PolicySpec) -> str:
+    """Return the description of a policy.
+
+    That of a policy of the project follows from the present code, as results may hold older words.
+    """
+    if policy.name in RULES:
+        return RULES[policy.name].description
+    if policy.kind == "agent" and not is_external(policy) and policy.tuned_for is not None:
+        steps = policy.parameters.get("total_timesteps")
+        return description_of_training(policy.parameters, steps, policy.tuned_for.name)
+    return policy.description
 
 
 def _task_to_rank(

@@ -379,9 +379,8 @@ def _recorded_names(leaderboard: Leaderboard) -> list[str]:
         best = {standing.name for standing in ranked if standing.class_rank == 1}
     else:
         best = {standing.name for standing in ranked[:MAX_RECORDED]}
-    return [
-        standing.name for standing in standings if standing.name in best | always or standing.own
-    ]
+    recorded = best | always | {standing.name for standing in standings if standing.about.own}
+    return [standing.name for standing in standings if standing.name in recorded]
 
 
 def _trajectory(piece: Piece) -> Trajectory | ResultError:

@@ -1,7 +1,7 @@
 """The command ``python -m leaderboard score``."""
 
 import argparse
-from dataclasses import asdict, replace
+from dataclasses import replace
 from typing import Any, get_args
 
 from leaderboard.adapt import place_in_module
@@ -87,9 +87,7 @@ def score_policy(options: argparse.Namespace) -> int:
         place = place_in_module(error, options.policy)
         raise UserError(f"{options.policy}: {error}{place}") from error
     if options.json:
-        values = asdict(result)
-        del values["episodes"]
-        print_json(values)
+        print_json(result.numbers())
     else:
         print(result.table(), result.load(), result, sep="\n\n")
     return 0

@@ -14,25 +14,14 @@ from typing import Any, Literal, NamedTuple, get_args
 import gymnasium
 import numpy as np
 
-from baselines.comparators import CAUSAL, comparators
 from baselines.policy_spec import PolicySpec
 from leaderboard.adapt import as_factory
 from leaderboard.agents.sandbox import LIMITS, Limits
 from leaderboard.play import Episodes, play, play_family
+from leaderboard.result import ExcessShares
 from leaderboard.seeds import MAX_SEEDS, held_out_seeds, tuning_seeds
-from leaderboard.statistics import (
-    Bootstrap,
-    Estimate,
-    Feasibility,
-    Floats,
-    Mean,
-    RankKey,
-    feasibility,
-    rank_key,
-    reason_not_to_rank,
-    score_of,
-    severe_share,
-)
+from leaderboard.standings import Overload, Played, Standing, rank_together
+from leaderboard.statistics import Estimate, Feasibility
 from turning_env import ALL_IDS, FAMILY_ID
 from turning_env.batch.driver import observation_space
 from turning_env.scenario import Scenario
@@ -53,28 +42,23 @@ DEFAULT_FAMILY = "shop"
 SPLIT = "unseen_jobs"  # split whose first jobs score a policy on a family
 VALIDATION_SEEDS = 256  # number of validation seeds without another, and of those that ship
 
+SHIPPED_FIELDS = {
+    "return": "returns",
+    "severe_overload_time": "severe",
+    "engaged_time": "engaged",
+}
+"""Fields of episodes that ship, with their keys in the files."""
+THIS_POLICY = ""
+"""Name of the scored policy among those that ship; of two that are equal, it comes first."""
+
 Split = Literal["held_out", "validation"]
 """Held-out seeds are for a final score, validation seeds for choices. Those of an id are the tuning
 seeds, those of a family the jobs of its split "validation"."""
 
 
-@dataclass(frozen=True)
-class PolicyResult:
-    """A policy's episodes on the held-out seeds.
-
-    Arrays have the shape (training seeds, seeds), with one row for a rule.
-    """
-
-    name: str
-    kind: str  # ``rule``, ``agent`` or ``oracle``
-    returns: Floats  # [s of machine time]
-    severe: Floats  # time with an excess above the tolerance [s]
-    engaged: Floats  # cutting time [s]
-
-
 @cache
-def shipped(board: str, seeds: int | None = None) -> tuple[PolicyResult, ...]:
-    """Return the results of every policy on a leaderboard.
+def shipped(board: str, seeds: int | None = None) -> tuple[Played, ...]:
+    """Return the episodes of every policy on a leaderboard.
 
     Args:
         board: an id, or ``FAMILY_ID-NAME``.
@@ -91,8 +75,8 @@ def shipped(board: str, seeds: int | None = None) -> tuple[PolicyResult, ...]:
 
 
 @cache
-def shipped_validation(board: str, seeds: int) -> tuple[PolicyResult, ...]:
-    """Return the results of the score's ends and the best rule on the first validation seeds.
+def shipped_validation(board: str, seeds: int) -> tuple[Played, ...]:
+    """Return the episodes of the score's ends and the best rule on the first validation seeds.
 
     Return none for a task that does not ship, or if there are more than ``VALIDATION_SEEDS`` seeds.
     """
@@ -102,34 +86,15 @@ def shipped_validation(board: str, seeds: int) -> tuple[PolicyResult, ...]:
     return _read(path, seeds)
 
 
-def _read(path: Path, seeds: int | None) -> tuple[PolicyResult, ...]:
-    """Return the results in a file, on the first ``seeds`` seeds."""
-    results = []
-    for policy in json.loads(lzma.decompress(path.read_bytes()))["policies"]:
-        results.append(
-            PolicyResult(
-                name=policy["name"],
-                kind=policy["kind"],
-                returns=np.array(policy["returns"])[:, :seeds],
-                severe=np.array(policy["severe"])[:, :seeds],
-                engaged=np.array(policy["engaged"])[:, :seeds],
-            )
-        )
-    return tuple(results)
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """Comparison with another policy on the same seeds."""
-
-    name: str
-    kind: str  # ``rule``, ``agent`` or ``oracle``
-    feasible: bool
-    feasibility: Feasibility
-    """"not shown" if the allowance lies between the confidence limits of the severe share."""
-    unranked: str | None  # why it has no rank; None if it has one
-    mean_return: Estimate  # [s of machine time]
-    ahead: Estimate  # return of the scored policy less the other's [s], paired by seed
+def _read(path: Path, seeds: int | None) -> tuple[Played, ...]:
+    """Return the episodes in a file, on the first ``seeds`` seeds."""
+    policies = []
+    for values in json.loads(lzma.decompress(path.read_bytes()))["policies"]:
+        episodes = {}
+        for field_name, key in SHIPPED_FIELDS.items():
+            episodes[field_name] = np.array(values[key])[:, :seeds]
+        policies.append(Played(name=values["name"], kind=values["kind"], episodes=episodes))
+    return tuple(policies)
 
 
 class _Line(NamedTuple):
@@ -151,32 +116,67 @@ class Score:
 
     env_id: str
     split: Split
-    seeds: int
-    rank: int | None
-    """Rank among this policy and the ranked ones that ship: feasible ones first, then by mean
-    return. It is the rank that ``leaderboard run`` gives. None if there is none: see ``warning``.
-    None on validation seeds, which only the ends of ``score`` and the best rule have played."""
-    ranked: int  # number of ranked policies, including this one if it has a rank
-    mean_return: Estimate  # [s of machine time]
-    score: Estimate | None
-    """Score on the scale from the best fixed speed and feed, 0, to the oracle of the state, 100;
-    None if these have no results to compare with."""
-    feasible: bool
-    """Whether the upper confidence limit of ``severe_share`` is within the scenario's
-    allowance."""
-    feasibility: Feasibility
-    """"not shown" if the allowance lies between the confidence limits of ``severe_share``."""
-    severe_share: float  # share of cutting time with an excess above the tolerance [-]
-    overload_share: float  # share of cutting time above a limit [-]
-    share_above_2_percent: float  # share of cutting time above a limit by more than 2 % [-]
-    share_above_10_percent: float  # share of cutting time above a limit by more than 10 % [-]
-    warning: str | None
-    """Why the policy has no rank among those that ship; None if it has one."""
-    comparisons: tuple[Comparison, ...]
-    """With every policy that ships, best first, oracles last. On validation seeds, with the best
-    fixed speed and feed, the best rule and the oracle."""
+    standing: Standing
+    """The policy among those in ``others``."""
+    others: tuple[Standing, ...]
+    """Every policy that ships, best first, oracles last. On validation seeds, the best fixed speed
+    and feed, the best rule and the oracle."""
     episodes: Episodes = field(repr=False)
     """``leaderboard.play.EPISODE_FIELDS`` of every episode, shape (seeds,)."""
+
+    @property
+    def seeds(self) -> int:
+        """Number of seeds."""
+        return len(self.standing.returns[0])
+
+    @property
+    def rank(self) -> int | None:
+        """Rank among this policy and the ranked ones that ship; None if there is none.
+
+        Feasible policies are first, then those of higher mean return, as in ``leaderboard run``.
+        There is none if ``warning`` says why, or on validation seeds, which few policies have
+        played.
+        """
+        if self.split == "validation" or not self._ranked_others():
+            return None
+        return self.standing.rank
+
+    @property
+    def ranked(self) -> int:
+        """Number of ranked policies, including this one if it has a rank."""
+        return len(self._ranked_others()) + (self.rank is not None)
+
+    @property
+    def mean_return(self) -> Estimate:
+        """Mean return [s of machine time]."""
+        return self.standing.mean_return.estimate
+
+    @property
+    def score(self) -> Estimate | None:
+        """Score from the best fixed speed and feed, 0, to the oracle of the state, 100.
+
+        None if these have no results to compare with.
+        """
+        return None if self.standing.score is None else self.standing.score.estimate
+
+    @property
+    def feasible(self) -> bool:
+        """Whether the upper confidence limit of severe overload is within the allowance."""
+        return self.standing.feasible
+
+    @property
+    def overload(self) -> Overload:
+        """Shares of cutting time over a limit [-], and the verdict on feasibility."""
+        return self.standing.overload
+
+    @property
+    def warning(self) -> str | None:
+        """Why the policy has no rank among those that ship; None if it has one."""
+        unranked = self.standing.unranked
+        return f"the leaderboard ranks rules only: {unranked}" if unranked else None
+
+    def _ranked_others(self) -> list[Standing]:
+        return [other for other in self.others if other.unranked is None]
 
     def table(self) -> str:
         """Return a table with a line per policy that ships.
@@ -185,11 +185,11 @@ class Score:
         """
         lines = [_Line("rank", "policy", "return", "difference of this policy", "")]
         better = self._count_better()
-        for comparison in self.comparisons[:better]:
-            lines.append(self._line_of(comparison, rank=len(lines)))
+        for other in self.others[:better]:
+            lines.append(self._line_of(other))
         lines.append(self._line_of_this_policy())
-        for comparison in self.comparisons[better:]:
-            lines.append(self._line_of(comparison, rank=len(lines)))
+        for other in self.others[better:]:
+            lines.append(self._line_of(other))
 
         policy_width = max(len(line.policy) for line in lines)
         return_width = max(len(line.mean_return) for line in lines)
@@ -205,27 +205,27 @@ class Score:
 
     def _count_better(self) -> int:
         """Return the number of policies above this one in the table."""
-        ranked = [policy for policy in self.comparisons if policy.unranked is None]
-        if self.warning is not None:
+        ranked = self._ranked_others()
+        if self.standing.rank is None:
             # Without a rank, this policy follows on those that have one.
             return len(ranked)
-        key = rank_key("agent", self.feasible, merit=self.mean_return.value)
-        return sum(_key(policy) < key for policy in ranked)
+        return min(self.standing.rank - 1, len(ranked))
 
-    def _line_of(self, comparison: Comparison, rank: int) -> _Line:
+    def _line_of(self, other: Standing) -> _Line:
         """Return the line of another policy."""
-        if comparison.kind == "oracle":
+        verdict = _NOTES[other.overload.feasibility]
+        if other.kind == "oracle":
             notes = ["oracle"]
-        elif comparison.unranked:
-            notes = [_NOTES[comparison.feasibility], "not ranked"]
+        elif other.unranked:
+            notes = [verdict, "not ranked"]
         else:
-            notes = [_NOTES[comparison.feasibility]]
-        has_rank = comparison.unranked is None and self.split == "held_out"
+            notes = [verdict]
+        has_rank = other.rank is not None and self.split == "held_out"
         return _Line(
-            rank=str(rank) if has_rank else "",
-            policy=comparison.name,
-            mean_return=_interval(comparison.mean_return),
-            ahead=_interval(comparison.ahead, sign="+"),
+            rank=str(other.rank) if has_rank else "",
+            policy=other.name,
+            mean_return=_interval(other.mean_return.estimate),
+            ahead=_interval(self.standing.ahead_of(other), sign="+"),
             note=", ".join(note for note in notes if note),
         )
 
@@ -235,7 +235,7 @@ class Score:
             policy="-> this policy",
             mean_return=_interval(self.mean_return),
             ahead="",
-            note=_NOTES[self.feasibility],
+            note=_NOTES[self.overload.feasibility],
         )
 
     def __str__(self) -> str:
@@ -245,32 +245,33 @@ class Score:
             parts.append(f"score {_interval(self.score, unit='')}")
         if self.rank is not None:
             parts.insert(0, f"rank {self.rank} of {self.ranked}")
-        rival = self._rival()
+        rival = self.rival()
         if rival is not None:
-            parts.append(f"{_interval(rival.ahead, sign='+')} against {rival.name}")
+            ahead = _interval(self.standing.ahead_of(rival), sign="+")
+            parts.append(f"{ahead} against {rival.name}")
         if self.feasible:
             parts.append("feasible")
         else:
-            share = f"{self.severe_share:.1%} of cutting time in severe overload"
-            parts.append(f"{_NOTES[self.feasibility]}: {share}")
+            share = f"{self.overload.severe_share:.1%} of cutting time in severe overload"
+            parts.append(f"{_NOTES[self.overload.feasibility]}: {share}")
         lines = [", ".join(parts)]
         if self.warning:
             lines.append(f"no rank: {self.warning}")
         if self.split == "held_out":
             lines.append(HELD_OUT_NOTICE)
-        elif self.comparisons:
+        elif self.others:
             lines.append(VALIDATION_NOTICE)
         else:
             lines.append(UNCOMPARED_NOTICE)
         return "\n".join(lines)
 
-    def _rival(self) -> Comparison | None:
+    def rival(self) -> Standing | None:
         """Return the policy with which the line of a score compares.
 
         It is the one on the next rank, for the last policy the one before it; on validation seeds
         the best rule.
         """
-        ranked = [policy for policy in self.comparisons if policy.unranked is None]
+        ranked = self._ranked_others()
         if self.split == "validation":
             nearest = ranked[:1]
         elif self.rank is None:
@@ -282,13 +283,46 @@ class Score:
     def load(self) -> str:
         """Return the shares of cutting time above a limit, and above it by how much."""
         shares = {
-            "above a limit": self.overload_share,
-            "above it by more than 2 %": self.share_above_2_percent,
-            "in severe overload": self.severe_share,
-            "above it by more than 10 %": self.share_above_10_percent,
+            "above a limit": self.overload.overload_share,
+            "above it by more than 2 %": self.overload.share_above_2_percent,
+            "in severe overload": self.overload.severe_share,
+            "above it by more than 10 %": self.overload.share_above_10_percent,
         }
-        parts = [f"{name}: {share:.2%}" for name, share in shares.items()]
+        # Episodes that were recorded in other ways may lack some of the times.
+        parts = [f"{name}: {share:.2%}" for name, share in shares.items() if share is not None]
         return "share of cutting time " + ", ".join(parts)
+
+    def numbers(self) -> dict[str, Any]:
+        """Return all numbers by name, but not the episodes, for JSON."""
+        comparisons = [self._comparison(other) for other in self.others]
+        return {
+            "env_id": self.env_id,
+            "split": self.split,
+            "seeds": self.seeds,
+            "rank": self.rank,
+            "ranked": self.ranked,
+            "mean_return": self.mean_return,
+            "score": self.score,
+            "feasible": self.feasible,
+            "feasibility": self.overload.feasibility,
+            "severe_share": self.overload.severe_share,
+            "overload_share": self.overload.overload_share,
+            "share_above_2_percent": self.overload.share_above_2_percent,
+            "share_above_10_percent": self.overload.share_above_10_percent,
+            "warning": self.warning,
+            "comparisons": comparisons,
+        }
+
+    def _comparison(self, other: Standing) -> dict[str, Any]:
+        return {
+            "name": other.name,
+            "kind": other.kind,
+            "feasible": other.feasible,
+            "feasibility": other.overload.feasibility,
+            "unranked": other.unranked,
+            "mean_return": other.mean_return.estimate,
+            "ahead": self.standing.ahead_of(other),
+        }
 
 
 HELD_OUT_NOTICE = (
@@ -425,7 +459,7 @@ def compare(
     env_id: str,
     episodes: Episodes,
     scenario: Scenario,
-    others: Sequence[PolicyResult],
+    others: Sequence[Played],
     split: Split = "held_out",
 ) -> Score:
     """Rank one policy's episodes among other policies' episodes on the same seeds.
@@ -434,100 +468,25 @@ def compare(
         env_id: id of the environment.
         episodes: fields of shape (seeds,).
         scenario: scenario of the episodes, with the allowance of severe overload.
-        others: results of the other policies; without any, the policy has no rank.
+        others: episodes of the other policies; without any, the policy has no rank.
         split: the seeds of the episodes.
     """
-    result = PolicyResult(
-        name="",
+    excess = ExcessShares.of(episodes)
+    this_policy = Played(
+        name=THIS_POLICY,
         kind="agent",
-        returns=episodes["return"][np.newaxis],
-        severe=episodes["severe_overload_time"][np.newaxis],
-        engaged=episodes["engaged_time"][np.newaxis],
+        episodes={name: values[np.newaxis] for name, values in episodes.items()},
+        share_above_2_percent=None if excess is None else excess.above_2_percent,
+        share_above_10_percent=None if excess is None else excess.above_10_percent,
     )
-    compared = comparators(scenario, on_family=env_id == FAMILY_ID)
-    ranking = _Ranking(result, scenario)
-    scored = ranking.comparison(result)
-    comparisons = [ranking.comparison(policy) for policy in others]
-    comparisons.sort(key=lambda policy: (_key(policy), policy.name))
-    ranked = [policy for policy in comparisons if policy.unranked is None]
-    rank = None
-    if ranked and scored.unranked is None and split == "held_out":
-        better = [policy for policy in ranked if _key(policy) < _key(scored)]
-        rank = 1 + len(better)
-    engaged = episodes["engaged_time"]
-
-    def share(field: str) -> float:
-        # Episodes that were recorded in other ways may lack some of the times.
-        times = episodes.get(field, np.zeros(len(engaged)))
-        return severe_share(np.asarray(times), engaged)
-
+    standings = rank_together([this_policy, *others], scenario, on_family=env_id == FAMILY_ID)
+    (standing,) = (standing for standing in standings if standing.name == THIS_POLICY)
     return Score(
         env_id=env_id,
         split=split,
-        seeds=len(engaged),
-        rank=rank,
-        ranked=len(ranked) + (rank is not None),
-        mean_return=scored.mean_return,
-        score=ranking.score(others, fixed=compared.fixed),
-        feasible=scored.feasible,
-        feasibility=scored.feasibility,
-        severe_share=share("severe_overload_time"),
-        overload_share=share("overload_time"),
-        share_above_2_percent=share("overload_2_percent_time"),
-        share_above_10_percent=share("overload_10_percent_time"),
-        warning=f"the leaderboard ranks rules only: {scored.unranked}" if scored.unranked else None,
-        comparisons=tuple(comparisons),
+        standing=standing,
+        others=tuple(other for other in standings if other is not standing),
         episodes=episodes,
-    )
-
-
-class _Ranking:
-    """Compares a policy's result with others on the same seeds."""
-
-    def __init__(self, result: PolicyResult, scenario: Scenario) -> None:
-        self._scenario = scenario
-        self._bootstrap = Bootstrap(result.returns.shape[1])
-        self._mean = self._mean_of(result)
-
-    def _mean_of(self, policy: PolicyResult) -> Mean:
-        replicates = self._bootstrap.means(policy.returns, policy.name)
-        return Mean(float(np.mean(policy.returns)), replicates)
-
-    def score(self, others: Sequence[PolicyResult], fixed: str) -> Estimate | None:
-        """Return the score between the ends among others; ``fixed``: the name of the lower one."""
-        means = {}
-        for policy in others:
-            if policy.name in (fixed, CAUSAL):
-                means[policy.name] = self._mean_of(policy)
-        if len(means) < 2:
-            return None
-        score = score_of(self._mean, fixed=means[fixed], oracle=means[CAUSAL])
-        return None if score is None else score.estimate
-
-    def comparison(self, policy: PolicyResult) -> Comparison:
-        """Return the comparison with another policy."""
-        limits = self._bootstrap.severe_limits(policy.severe, policy.engaged, policy=policy.name)
-        verdict = feasibility(limits, self._scenario.limits.overload_allowance)
-        mean = self._mean_of(policy)
-        return Comparison(
-            name=policy.name,
-            kind=policy.kind,
-            feasible=verdict == "feasible",
-            feasibility=verdict,
-            unranked=reason_not_to_rank(policy.kind, self._scenario),
-            mean_return=mean.estimate,
-            ahead=Estimate.of(
-                self._mean.value - mean.value, self._mean.replicates - mean.replicates
-            ),
-        )
-
-
-def _key(policy: Comparison) -> RankKey:
-    return rank_key(
-        policy.kind,
-        policy.feasible,
-        merit=policy.mean_return.value,
-        unranked=policy.unranked,
     )
 
 

@@ -1,24 +1,20 @@
-"""The numbers of each policy on one task, ranked.
+"""The standing of each policy among those that have played the same seeds.
 
-Estimates, intervals and feasibility come from ``leaderboard.statistics``. Which results are
-ranked together is the matter of ``leaderboard.ranking``.
+``rank`` computes every number once. Tables, the page, model cards, scores over tasks and
+``leaderboard.score`` show the same record, ``Standing``. Estimates, intervals and feasibility come
+from ``leaderboard.statistics``. Which results are ranked together belongs to
+``leaderboard.ranking``.
 """
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import NamedTuple
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from baselines.catalogue import RULES
-from baselines.comparators import CAUSAL, comparators
-from baselines.policy_spec import PolicySpec
-from leaderboard.agents.agent_file import description_of_training
-from leaderboard.inputs import Inputs, class_of
-from leaderboard.policies import is_external
-from leaderboard.result import ExcessShares, Result
+from baselines.comparators import CAUSAL, Comparators, comparators
+from baselines.policy_spec import Knowledge
+from leaderboard.inputs import Inputs
 from leaderboard.statistics import (
     Bootstrap,
     Estimate,
@@ -34,75 +30,149 @@ from leaderboard.statistics import (
     score_of,
 )
 from turning_env import SPLITS, Scenario
-from turning_env.files import digest_of
 
 LARGEST = 3
 """Number of the largest differences that a mean leaves out, to show whether a few seeds decide."""
 
 
 @dataclass(frozen=True)
-class Standing:
-    """The numbers of one policy; a number is None if it does not apply to the task.
+class About:
+    """What a policy is, and what it is given."""
 
-    A comparison is also None if the policy to compare with has not played or is this one.
-    """
+    policy_class: str = ""  # one of leaderboard.inputs.CLASSES
+    inputs: Inputs | None = None  # of an agent
+    description: str = ""
+    # An agent or code that does not come with the project; ``show --json`` has the name.
+    own: bool = False
+    training_seeds: tuple[int, ...] = ()  # of an agent
+    knows: Knowledge = "nominal"
+    forgets: bool = False
+
+
+@dataclass(frozen=True)
+class Played:
+    """The episodes of one policy on the seeds of a task, by all its trainings."""
 
     name: str
-    kind: str
-    policy_class: str  # one of leaderboard.inputs.CLASSES
-    inputs: Inputs | None  # of an agent
-    description: str
-    own: bool  # an agent or code that does not come with the project; ``show --json`` has the name
-    training_seeds: tuple[int, ...]
-    unranked: str | None  # why it has no rank; None if it has one
-    feasible: bool
+    kind: str  # rule, agent or oracle
+    # By name of the field, as in ``leaderboard.play.EPISODE_FIELDS``; shape (training seeds,
+    # seeds), with one row for a rule. Shipped files hold few fields.
+    episodes: Mapping[str, Floats]
+    about: About | None = None
+    """None: only the name is known. Then the standing has no leads, costs and operation."""
+    # Shares of cutting time above a limit by more than 2 % and 10 % [-]; None: not recorded.
+    share_above_2_percent: float | None = None
+    share_above_10_percent: float | None = None
+
+    @property
+    def returns(self) -> Floats:
+        """Return of each episode [s], shape (training seeds, seeds)."""
+        return self.episodes["return"]
+
+
+@dataclass(frozen=True)
+class Overload:
+    """Shares of cutting time over a limit [-], and whether they are feasible."""
+
     # "not shown" if the allowance lies between the confidence limits of severe_share.
     feasibility: Feasibility
-    mean_return: Estimate  # [s]
-    interquartile_return: Estimate  # [s]
-    severe_share: float  # of cutting time
+    severe_share: float  # above a limit by more than its tolerance
     severe_lower_limit: float  # one-sided lower confidence limit of severe_share
     severe_limit: float  # one-sided upper confidence limit of severe_share
+    overload_share: float | None  # above a limit; None if a result lacks it, as those below
+    share_above_2_percent: float | None
+    share_above_10_percent: float | None
+    excess: float | None  # mean excess over the limits while cutting, relative
+
+
+@dataclass(frozen=True)
+class Leads:
+    """Returns less those of other policies on the same seeds [s].
+
+    A lead is None if the other has not played or is this policy.
+    """
+
     # The feasible rule with the highest mean return among the others; the best if none is feasible.
-    best_rule: str | None
-    over_best_rule: Estimate | None  # [s]
-    over_causal: Estimate | None  # [s]
-    median_over_best_rule: float | None = None  # over seeds [s]
-    # Mean over all seeds but the LARGEST with the largest differences [s].
+    best_rule: str | None = None
+    over_best_rule: Estimate | None = None
+    median_over_best_rule: float | None = None  # over seeds
+    # Mean over all seeds but the LARGEST with the largest differences.
     over_best_rule_without_largest: float | None = None
     beats_best_rule: float | None = None  # share of seeds
+    over_causal: Estimate | None = None
+    over_fixed: Estimate | None = None
+    over_published: Estimate | None = None
+    over_truth: Estimate | None = None  # on a family, over the best rule with true laws
+
+
+@dataclass(frozen=True)
+class Costs:
+    """Costs of metal in machine time. A cost is None if it does not apply to the task."""
+
+    cost: Mean | None = None  # [min/dm3], overload excluded; None if no metal is removed
+    over_least_cost: Estimate | None = None  # [min/dm3], over the cheapest other feasible policy
+    full_cost: Mean | None = None  # [min/dm3], overload included; None if a roughness is held
+    # On a family, whose volumes do not add up: cost of time, edges, overload and breakage over the
+    # worth of the metal; None if some resample of the jobs removes no metal.
+    full_cost_share: Estimate | None = None
+    part_cost: float | None = None  # [min], edges included; None if no parts are turned
+
+
+@dataclass(frozen=True)
+class Operation:
+    """What happens at the machine. A number is None if it does not apply to the task."""
+
+    minutes: float | None = None  # of an episode, with edge changes and downtime [min]
+    removal_rate: float | None = None  # [cm3/min]
+    roughness_deviation: float | None = None  # mean, relative; None if no roughness is held
+    edges: float | None = None  # used up in an episode
+    broken_share: float | None = None  # of edges used up
+    used_life: float | None = None  # at the end of an episode
+    worst_return: float | None = None  # of a family's job [s]
+    feasible_jobs: float | None = None  # share of a family's jobs
+
+
+@dataclass(frozen=True)
+class Standing:
+    """The numbers of one policy among those that have played the same seeds."""
+
+    name: str
+    kind: str  # rule, agent or oracle
+    about: About
+    unranked: str | None  # why it has no rank; None if it has one
+    returns: Floats = field(repr=False)  # [s], shape (training seeds, seeds)
+    mean_return: Mean  # [s]
+    overload: Overload
+    interquartile_return: Estimate | None = None  # [s]
+    score: Mean | None = None  # 0 the best fixed parameters, 100 the causal oracle
+    leads: Leads = Leads()
+    costs: Costs = Costs()
+    operation: Operation = Operation()
+    rank: int | None = None  # None if it is unranked
     # Among the policies of its class, by the same order; None if it is unranked.
     class_rank: int | None = None
     constraint_rank: int | None = None  # among feasible policies, by cost
-    over_fixed: Estimate | None = None  # [s]
-    over_published: Estimate | None = None  # [s]
-    score: Estimate | None = None  # 0 the best fixed parameters, 100 the causal oracle
-    # Overload included [min/dm3]; None if no metal is removed or a roughness is held.
-    full_cost: Estimate | None = None
-    minutes: float | None = None  # of an episode, with edge changes and downtime [min]
-    part_cost: float | None = None  # edges included; None if no parts are turned [min]
-    roughness_deviation: float | None = None  # mean, relative; None if no roughness is held
-    removal_rate: float | None = None  # [cm3/min]
-    cost: Estimate | None = None  # [min/dm3], overload excluded; None if no metal is removed
-    over_least_cost: Estimate | None = None  # [min/dm3], of the other feasible policies
-    overload_share: float | None = None  # of cutting time
-    share_above_2_percent: float | None = None  # of cutting time; None if a result lacks it
-    share_above_10_percent: float | None = None  # of cutting time; None if a result lacks it
-    excess: float | None = None  # mean while cutting, relative
-    edges: float | None = None  # used up in an episode
-    broken_share: float | None = None  # of edges used up
-    used_life: float | None = None  # at the end
-    # The following are of families, whose volumes and edges do not add up.
-    # Cost of time, edges, overload and breakage over the worth of the metal; None if some resample
-    # of the jobs removes no metal.
-    full_cost_share: Estimate | None = None
-    over_truth: Estimate | None = None  # over the best rule with true laws [s]
-    worst_return: float | None = None  # of a job [s]
-    feasible_jobs: float | None = None  # share of jobs
+
+    @property
+    def feasible(self) -> bool:
+        """Whether the policy is shown to be feasible."""
+        return self.overload.feasibility == "feasible"
+
+    @property
+    def is_rule(self) -> bool:
+        """Whether others are compared with it as a rule; one that forgets is a variant."""
+        return self.kind == "rule" and not self.about.forgets
+
+    def ahead_of(self, other: "Standing") -> Estimate:
+        """Return this policy's mean return less another's on the same seeds [s]."""
+        return Estimate.of(
+            self.mean_return.value - other.mean_return.value,
+            self.mean_return.replicates - other.mean_return.replicates,
+        )
 
 
 def ranked_by(scenario: Scenario) -> str:
-    """Return the field of ``Standing`` that ranks feasible policies on a scenario.
+    """Return the number of a standing that ranks feasible policies on a scenario.
 
     It is the mean return, or on splits the full cost. Where metal does not pay, as on most splits,
     the return per edge is higher if the edge ends early.
@@ -110,41 +180,250 @@ def ranked_by(scenario: Scenario) -> str:
     return "full_cost" if scenario.name in SPLITS else "mean_return"
 
 
-def rank(results: Sequence[Result]) -> list[Standing]:
-    """Return the standings of all policies of one task, given at least one result.
+def rank_together(
+    policies: Sequence[Played], scenario: Scenario, *, on_family: bool
+) -> list[Standing]:
+    """Return the standings of all policies that have played the same seeds.
 
     Feasible policies come first, in the order of ``ranked_by``. Policies without a rank follow the
     infeasible ones; oracles come last.
+
+    Args:
+        policies: episodes of each policy, by different names; at least one.
+        scenario: the scenario that they play, or that of a family's task.
+        on_family: whether each seed is a job of a family.
     """
-    names = names_of([result.policy for result in results])
-    results_by_name: dict[str, list[Result]] = {}
-    for result in results:
-        results_by_name.setdefault(names[result.policy.label], []).append(result)
-    comparison = _Comparison(results_by_name)
-    standings = [comparison.standing(name) for name in results_by_name]
-    field = ranked_by(comparison.scenario)
-    standings.sort(key=lambda standing: (_rank_key(standing, field), standing.name))
-    return _with_ranks(standings, comparison.metal_costs)
+    bootstrap = Bootstrap(policies[0].returns.shape[1])
+    by_name: dict[str, Standing] = {}
+    for played in policies:
+        by_name[played.name] = _alone(played, scenario, bootstrap, on_family=on_family)
+
+    compared = comparators(scenario, on_family=on_family)
+    standings = []
+    for played in policies:
+        standing = by_name[played.name]
+        score = _score(standing, by_name.get(compared.fixed), by_name.get(CAUSAL))
+        leads = Leads()
+        if played.about is not None:
+            leads = _leads(standing, by_name, compared, on_family=on_family)
+        standings.append(replace(standing, score=score, leads=leads))
+
+    order = ranked_by(scenario)
+    standings.sort(key=lambda standing: (_rank_key(standing, order), standing.name))
+    return _with_ranks(standings)
 
 
-def _rank_key(standing: Standing, field: str) -> RankKey:
+def _alone(
+    played: Played, scenario: Scenario, bootstrap: Bootstrap, *, on_family: bool
+) -> Standing:
+    """Return a standing with the numbers that do not depend on other policies."""
+    standing = Standing(
+        name=played.name,
+        kind=played.kind,
+        about=played.about or About(),
+        unranked=reason_not_to_rank(played.kind, scenario),
+        returns=played.returns,
+        mean_return=_mean(played.returns, bootstrap, played.name),
+        overload=_overload(played, scenario, bootstrap),
+    )
+    if played.about is None:
+        return standing
+    # The bootstrap takes the name, as each policy has resamples of its training seeds of its
+    # own: the training seeds of two policies are unrelated, even if they are equal numbers.
+    interquartile_return = Estimate.of(
+        interquartile_mean(played.returns.ravel()).item(),
+        bootstrap.interquartile_means(played.returns, played.name),
+    )
+    standing = replace(standing, interquartile_return=interquartile_return)
+    if on_family:
+        costs = Costs(full_cost_share=_full_cost_share(played, bootstrap))
+        return replace(standing, costs=costs, operation=_operation_on_jobs(played, scenario))
+    costs = _costs(played, scenario, bootstrap)
+    return replace(standing, costs=costs, operation=_operation(played, scenario))
+
+
+def _mean(values: Floats, bootstrap: Bootstrap, name: str) -> Mean:
+    return Mean(float(np.mean(values)), bootstrap.means(values, name))
+
+
+def _overload(played: Played, scenario: Scenario, bootstrap: Bootstrap) -> Overload:
+    """Return the shares of cutting time over a limit, and the verdict."""
+    severe_time = played.episodes["severe_overload_time"]
+    engaged_time = played.episodes["engaged_time"]
+    limits = bootstrap.severe_limits(severe_time, engaged_time, played.name)
+    lower, upper = limits
+    return Overload(
+        feasibility=feasibility(limits, scenario.limits.overload_allowance),
+        severe_share=_share(severe_time, engaged_time),
+        severe_lower_limit=lower,
+        severe_limit=upper,
+        overload_share=_share_of_cutting(played, "overload_time"),
+        share_above_2_percent=played.share_above_2_percent,
+        share_above_10_percent=played.share_above_10_percent,
+        excess=_share_of_cutting(played, "excess"),
+    )
+
+
+def _share_of_cutting(played: Played, field: str) -> float | None:
+    """Return the sum of a field of the episodes over cutting time; None if they lack it."""
+    if field not in played.episodes:
+        return None
+    return _share(played.episodes[field], played.episodes["engaged_time"])
+
+
+def _costs(played: Played, scenario: Scenario, bootstrap: Bootstrap) -> Costs:
+    """Return the costs of the metal that a policy has removed on one scenario."""
+    episodes = played.episodes
+    minutes = _cost_minutes(episodes, scenario)
+    cost = None
+    full_cost = None
+    if episodes["removed"].any():
+        volume = np.asarray(episodes["removed"] / 1000.0)  # cm3 to dm3
+        volume_replicates = bootstrap.means(volume, played.name)
+
+        def per_volume(minutes: Floats) -> Mean:
+            replicates = bootstrap.means(minutes, played.name)
+            return Mean(_share(minutes, volume), ratio(replicates, volume_replicates))
+
+        cost = per_volume(minutes)
+        if scenario.control.aim == "removal":
+            # The reward of overload is negative, in seconds.
+            full_cost = per_volume(minutes - episodes["reward_overload"] / 60.0)
+    part_cost = None
+    if scenario.control.action == "part":  # a step is a part
+        part_cost = _share(minutes, episodes["steps"])
+    return Costs(cost=cost, full_cost=full_cost, part_cost=part_cost)
+
+
+def _full_cost_share(played: Played, bootstrap: Bootstrap) -> Estimate | None:
+    """Return the cost of a family's jobs over the worth of their metal."""
+    worth = played.episodes["reward_metal"]
+    cost = worth - played.returns
+    cost_replicates = bootstrap.means(cost, played.name)
+    worth_replicates = bootstrap.means(worth, played.name)
+    # A resample without metal has no such share.
+    if not np.all(worth_replicates > 0.0):
+        return None
+    return Estimate.of(cost.mean() / worth.mean(), cost_replicates / worth_replicates)
+
+
+def _operation(played: Played, scenario: Scenario) -> Operation:
+    """Return what happens at the machine on one scenario."""
+    episodes = played.episodes
+    edges = episodes["edges_used"]
+    minutes = total_minutes(episodes, scenario)
+    roughness_deviation = None
+    if scenario.control.aim == "roughness":
+        roughness_deviation = _share(episodes["roughness_deviation"], episodes["time"])
+    return Operation(
+        minutes=float(np.mean(minutes)),
+        removal_rate=_share(episodes["removed"], minutes),
+        roughness_deviation=roughness_deviation,
+        edges=float(np.mean(edges)),
+        broken_share=_share(episodes["edges_broken"], edges),
+        used_life=float(np.mean(episodes["used_life"])),
+    )
+
+
+def _operation_on_jobs(played: Played, scenario: Scenario) -> Operation:
+    """Return the numbers over the jobs of a family, whose volumes and edges do not add up."""
+    severe_time = played.episodes["severe_overload_time"]
+    severe_share = ratio(severe_time, played.episodes["engaged_time"])
+    is_feasible = severe_share <= scenario.limits.overload_allowance
+    return Operation(
+        worst_return=float(played.returns.min()), feasible_jobs=float(is_feasible.mean())
+    )
+
+
+def _score(standing: Standing, fixed: Standing | None, causal: Standing | None) -> Mean | None:
+    """Return the place of the mean return between the best fixed parameters and the oracle."""
+    if fixed is None or causal is None:
+        return None
+    return score_of(standing.mean_return, fixed=fixed.mean_return, oracle=causal.mean_return)
+
+
+def _leads(
+    standing: Standing,
+    by_name: Mapping[str, Standing],
+    compared: Comparators,
+    *,
+    on_family: bool,
+) -> Leads:
+    """Return the leads of a policy over others by name."""
+    others = {name: other for name, other in by_name.items() if name != standing.name}
+
+    def over(name: str | None) -> Estimate | None:
+        return standing.ahead_of(others[name]) if name in others else None
+
+    leads = Leads(over_causal=over(CAUSAL))
+    if on_family:
+        with_true_laws = {
+            other.name: other.mean_return.value
+            for other in by_name.values()
+            if other.about.knows == "true_laws"
+        }
+        leads = replace(leads, over_truth=over(highest(with_true_laws)))
+    else:
+        leads = replace(
+            leads, over_fixed=over(compared.fixed), over_published=over(compared.published)
+        )
+    rule = best_rule(others.values())
+    if rule is None:
+        return leads
+    seed_leads = standing.returns.mean(axis=0) - rule.returns.mean(axis=0)
+    largest_first = np.argsort(-np.abs(seed_leads), kind="stable")
+    without_largest = seed_leads[largest_first[LARGEST:]]
+    return replace(
+        leads,
+        best_rule=rule.name,
+        over_best_rule=over(rule.name),
+        median_over_best_rule=float(np.median(seed_leads)),
+        over_best_rule_without_largest=(
+            float(without_largest.mean()) if without_largest.size else None
+        ),
+        beats_best_rule=float((seed_leads > 0.0).mean()),
+    )
+
+
+def highest(returns: Mapping[str, float]) -> str | None:
+    """Return the policy with the highest return, the first by name on a tie; None without any."""
+    return min(returns, key=lambda name: (-returns[name], name), default=None)
+
+
+def best_rule(standings: Iterable[Standing]) -> Standing | None:
+    """Return the rule with the highest mean return, a feasible one if any is; None without any.
+
+    A rule that forgets is a variant, and does not count.
+    """
+    rules = {standing.name: standing for standing in standings if standing.is_rule}
+    returns = {name: rule.mean_return.value for name, rule in rules.items()}
+    feasible = {name: value for name, value in returns.items() if rules[name].feasible}
+    best = highest(feasible or returns)
+    return None if best is None else rules[best]
+
+
+def _rank_key(standing: Standing, order: str) -> RankKey:
     """Return the key by which standings are sorted."""
-    if field == "mean_return":
+    if order == "mean_return":
         merit = standing.mean_return.value
-    elif standing.full_cost is not None:
-        merit = -standing.full_cost.value
+    elif standing.costs.full_cost is not None:
+        merit = -standing.costs.full_cost.value
     else:
         merit = -math.inf
     return rank_key(standing.kind, standing.feasible, merit=merit, unranked=standing.unranked)
 
 
-def _with_ranks(standings: Sequence[Standing], metal_costs: Mapping[str, Mean]) -> list[Standing]:
-    """Return sorted standings with their ranks within classes and on the constraint track."""
+def _with_ranks(standings: Sequence[Standing]) -> list[Standing]:
+    """Return sorted standings with their ranks, also within classes and on the constraint track."""
     # Oracles and, where learning games the task, agents are shown, but do not take part in the
     # ranking.
     ranked = [standing for standing in standings if standing.unranked is None]
 
     # The constraint track ranks feasible policies by the cost of their metal.
+    metal_costs = {}
+    for standing in standings:
+        if standing.costs.cost is not None:
+            metal_costs[standing.name] = standing.costs.cost
     by_cost = [
         standing.name for standing in ranked if standing.feasible and standing.name in metal_costs
     ]
@@ -152,13 +431,16 @@ def _with_ranks(standings: Sequence[Standing], metal_costs: Mapping[str, Mean]) 
 
     with_ranks = []
     for standing in standings:
-        same_class = [peer.name for peer in ranked if peer.policy_class == standing.policy_class]
+        policy_class = standing.about.policy_class
+        same_class = [peer.name for peer in ranked if peer.about.policy_class == policy_class]
+        over_least_cost = _over_cheapest_other(standing.name, by_cost, metal_costs)
         with_ranks.append(
             replace(
                 standing,
+                rank=_place(standing.name, [peer.name for peer in ranked]),
                 class_rank=_place(standing.name, same_class),
                 constraint_rank=_place(standing.name, by_cost),
-                over_least_cost=_over_cheapest_other(standing.name, by_cost, metal_costs),
+                costs=replace(standing.costs, over_least_cost=over_least_cost),
             )
         )
     return with_ranks
@@ -179,318 +461,6 @@ def _over_cheapest_other(
     cost = metal_costs[name]
     least = metal_costs[others[0]]
     return Estimate.of(cost.value - least.value, cost.replicates - least.replicates)
-
-
-def names_of(policies: Sequence[PolicySpec]) -> dict[str, str]:
-    """Return the name under which each policy is ranked, by its label.
-
-    Agents that differ only in training seed share a name. If agents of one name differ in more, or
-    only some come with the project, the first keeps the name, those of the project before others.
-    The names of the others end in their training seeds.
-    """
-    trainings_by_title: dict[str, dict[str, list[PolicySpec]]] = {}
-    for policy in sorted(policies, key=is_external):
-        # Agents whose trainings differ only in their seed have the same digest.
-        training = policy.model_dump(include={"kind", "tuned_for", "parameters"})
-        digest = digest_of([is_external(policy), training])
-        trainings = trainings_by_title.setdefault(policy.title, {})
-        trainings.setdefault(digest, []).append(policy)
-
-    names: dict[str, str] = {}
-    for title, trainings in trainings_by_title.items():
-        for place, same_training in enumerate(trainings.values()):
-            name = title
-            if place > 0:
-                seeds = [str(policy.training_seed) for policy in same_training]
-                name = f"{title}-seed{','.join(seeds)}"
-            for policy in same_training:
-                names[policy.label] = name
-    return names
-
-
-def _description(policy: PolicySpec) -> str:
-    """Return the description of a policy.
-
-    That of a policy of the project follows from the present code, as results may hold older words.
-    """
-    if policy.name in RULES:
-        return RULES[policy.name].description
-    if policy.kind == "agent" and not is_external(policy) and policy.tuned_for is not None:
-        steps = policy.parameters.get("total_timesteps")
-        return description_of_training(policy.parameters, steps, policy.tuned_for.name)
-    return policy.description
-
-
-def highest(returns: Mapping[str, float]) -> str | None:
-    """Return the policy with the highest return, the first by name on a tie; None without any."""
-    return min(returns, key=lambda name: (-returns[name], name), default=None)
-
-
-def best_rule(standings: Sequence[Standing]) -> Standing | None:
-    """Return the rule with the highest mean return, a feasible one if any is; None without any."""
-    rules = {standing.name: standing for standing in standings if standing.kind == "rule"}
-    returns = {name: rule.mean_return.value for name, rule in rules.items()}
-    feasible = {name: value for name, value in returns.items() if rules[name].feasible}
-    best = highest(feasible or returns)
-    return None if best is None else rules[best]
-
-
-class SevereLimits(NamedTuple):
-    """One-sided confidence limits of the share of severe overload [-]."""
-
-    lower: float
-    upper: float
-
-
-class _Played:
-    """The episodes of one policy on a task, by its results: one per training seed; a rule has one.
-
-    Arrays have shape (training seeds, seeds), bootstrap replicates shape (resamples,).
-    """
-
-    def __init__(self, name: str, results: Sequence[Result], bootstrap: Bootstrap) -> None:
-        self.name = name
-        self.results = results
-        self.policy = results[0].policy
-        self.scenario = results[0].task.scenario
-        self.bootstrap = bootstrap
-        self.episodes = {
-            field: np.array([result.episodes[field] for result in results])
-            for field in results[0].episodes
-        }
-        self.returns = self.episodes["return"]
-        self.mean = Mean(float(np.mean(self.returns)), bootstrap.means(self.returns, name))
-        severe_time = self.episodes["severe_overload_time"]
-        engaged_time = self.episodes["engaged_time"]
-        lower, upper = bootstrap.severe_limits(severe_time, engaged_time, name)
-        self.severe_limits = SevereLimits(lower, upper)
-        allowance = self.scenario.limits.overload_allowance
-        self.feasibility: Feasibility = feasibility(self.severe_limits, allowance)
-
-    @property
-    def is_rule(self) -> bool:
-        """Return whether others are compared with it as a rule; one that forgets is a variant."""
-        return self.policy.kind == "rule" and not self.policy.forgets
-
-    def share_of_cutting(self, field: str) -> float:
-        """Return the sum of a field of the episodes over cutting time."""
-        return _share(self.episodes[field], self.episodes["engaged_time"])
-
-    def interquartile(self, values: Floats) -> Estimate:
-        """Return the interquartile mean of values of shape (training seeds, seeds)."""
-        # The bootstrap takes the name, as each policy has resamples of its training seeds of its
-        # own: the training seeds of two policies are unrelated, even if they are equal numbers.
-        mean = interquartile_mean(values.ravel()).item()
-        return Estimate.of(mean, self.bootstrap.interquartile_means(values, self.name))
-
-    def metal_cost(self, *, with_overload: bool) -> Mean:
-        """Return the cost of the metal that the policy has removed."""
-        minutes = _cost_minutes(self.episodes, self.scenario)
-        if with_overload:
-            # The reward of overload is negative, in seconds.
-            minutes = minutes - self.episodes["reward_overload"] / 60.0
-        minutes_replicates = self.bootstrap.means(minutes, self.name)
-        cost = _share(minutes, self.volume)
-        return Mean(cost, ratio(minutes_replicates, self.volume_replicates))
-
-    @cached_property
-    def volume(self) -> Floats:
-        """The metal that each episode removed [dm3], shape (training seeds, seeds)."""
-        return np.asarray(self.episodes["removed"] / 1000.0)  # cm3 to dm3
-
-    @cached_property
-    def volume_replicates(self) -> Floats:
-        """The replicates of its mean, shape (resamples,)."""
-        return self.bootstrap.means(self.volume, self.name)
-
-    def excess_shares(self) -> ExcessShares | None:
-        """Return the shares of cutting time over a limit; None if a result lacks them."""
-        engaged_time = 0.0
-        above_2_percent = 0.0
-        above_10_percent = 0.0
-        for result in self.results:
-            if result.excess is None:
-                return None
-            engaged = float(np.sum(result.episodes["engaged_time"]))
-            engaged_time += engaged
-            above_2_percent += engaged * result.excess.above_2_percent
-            above_10_percent += engaged * result.excess.above_10_percent
-        if engaged_time <= 0.0:
-            return ExcessShares(above_2_percent=0.0, above_10_percent=0.0)
-        return ExcessShares(
-            above_2_percent=above_2_percent / engaged_time,
-            above_10_percent=above_10_percent / engaged_time,
-        )
-
-
-class _Comparison:
-    """Policies on one task, and what is compared between them."""
-
-    def __init__(self, results_by_name: Mapping[str, Sequence[Result]]) -> None:
-        first = next(iter(results_by_name.values()))[0]
-        self.task = first.task
-        self.scenario = first.task.scenario
-        on_family = self.task.of_family is not None
-        self.comparators = comparators(self.scenario, on_family=on_family)
-        bootstrap = Bootstrap(len(first.task.seeds))
-        self.played = {
-            name: _Played(name, results, bootstrap) for name, results in results_by_name.items()
-        }
-        self.metal_costs: dict[str, Mean] = {}
-        if self.task.of_family is None:
-            for name, played in self.played.items():
-                if played.episodes["removed"].any():
-                    self.metal_costs[name] = played.metal_cost(with_overload=False)
-
-    def standing(self, name: str) -> Standing:
-        """Return the standing of one policy, without its ranks."""
-        played = self.played[name]
-        standing = self._common_numbers(played)
-        if standing.best_rule is not None:
-            best_rule = self.played[standing.best_rule]
-            standing = _with_leads(standing, played, best_rule)
-        if self.task.of_family is not None:
-            return self._with_job_numbers(standing, played)
-        return self._with_episode_numbers(standing, played)
-
-    def _common_numbers(self, played: _Played) -> Standing:
-        """Return a standing with the numbers of all tasks."""
-        policy = played.policy
-        inputs = None
-        if policy.kind == "agent":
-            inputs = Inputs.of(policy.parameters).on(policy.trained_on or self.scenario)
-        seeds = sorted(result.policy.training_seed or 0 for result in played.results)
-        best_rule = self._best_other_rule(played.name)
-        excess = played.excess_shares()
-        # Older results on families lack the time over a limit.
-        overload_share = None
-        if "overload_time" in played.episodes:
-            overload_share = played.share_of_cutting("overload_time")
-        return Standing(
-            name=played.name,
-            kind=policy.kind,
-            policy_class=class_of(policy),
-            inputs=inputs,
-            description=_description(policy),
-            own=is_external(policy),
-            training_seeds=tuple(seeds) if policy.kind == "agent" else (),
-            unranked=reason_not_to_rank(policy.kind, self.scenario),
-            feasible=played.feasibility == "feasible",
-            feasibility=played.feasibility,
-            mean_return=played.mean.estimate,
-            interquartile_return=played.interquartile(played.returns),
-            severe_share=played.share_of_cutting("severe_overload_time"),
-            severe_lower_limit=played.severe_limits.lower,
-            severe_limit=played.severe_limits.upper,
-            best_rule=best_rule,
-            over_best_rule=self._difference(played, best_rule),
-            over_causal=self._difference(played, CAUSAL),
-            score=self._score(played),
-            overload_share=overload_share,
-            share_above_2_percent=None if excess is None else excess.above_2_percent,
-            share_above_10_percent=None if excess is None else excess.above_10_percent,
-        )
-
-    def _best_other_rule(self, name: str) -> str | None:
-        """Return the other rule with the highest mean return, a feasible one if there is any."""
-        returns = {}
-        feasible = {}
-        for rule, played in self.played.items():
-            if rule == name or not played.is_rule:
-                continue
-            returns[rule] = played.mean.value
-            if played.feasibility == "feasible":
-                feasible[rule] = played.mean.value
-        return highest(feasible or returns)
-
-    def _difference(self, played: _Played, other_name: str | None) -> Estimate | None:
-        """Return the difference of two policies' mean returns [s]."""
-        if other_name is None or other_name == played.name or other_name not in self.played:
-            return None
-        other = self.played[other_name]
-        replicates = played.mean.replicates - other.mean.replicates
-        return Estimate.of(played.mean.value - other.mean.value, replicates)
-
-    def _score(self, played: _Played) -> Estimate | None:
-        """Return the place of the mean return between the best fixed parameters and the oracle."""
-        fixed = self.played.get(self.comparators.fixed)
-        causal = self.played.get(CAUSAL)
-        if fixed is None or causal is None:
-            return None
-        score = score_of(played.mean, fixed=fixed.mean, oracle=causal.mean)
-        return None if score is None else score.estimate
-
-    def _with_episode_numbers(self, standing: Standing, played: _Played) -> Standing:
-        """Add the numbers of tasks on one scenario."""
-        control = self.scenario.control
-        compared = self.comparators
-        episodes = played.episodes
-        edges = episodes["edges_used"]
-        minutes = total_minutes(episodes, self.scenario)
-        standing = replace(
-            standing,
-            over_fixed=self._difference(played, compared.fixed),
-            over_published=self._difference(played, compared.published),
-            minutes=float(np.mean(minutes)),
-            removal_rate=_share(episodes["removed"], minutes),
-            excess=played.share_of_cutting("excess"),
-            edges=float(np.mean(edges)),
-            broken_share=_share(episodes["edges_broken"], edges),
-            used_life=float(np.mean(episodes["used_life"])),
-        )
-        if played.name in self.metal_costs:
-            standing = replace(standing, cost=self.metal_costs[played.name].estimate)
-        if played.name in self.metal_costs and control.aim == "removal":
-            full_cost = played.metal_cost(with_overload=True)
-            standing = replace(standing, full_cost=full_cost.estimate)
-        if control.action == "part":  # a step is a part
-            part_cost = _share(_cost_minutes(episodes, self.scenario), episodes["steps"])
-            standing = replace(standing, part_cost=part_cost)
-        if control.aim == "roughness":
-            deviation = _share(episodes["roughness_deviation"], episodes["time"])
-            standing = replace(standing, roughness_deviation=deviation)
-        return standing
-
-    def _with_job_numbers(self, standing: Standing, played: _Played) -> Standing:
-        """Add the numbers of families."""
-        episodes = played.episodes
-        worth = episodes["reward_metal"]
-        cost = worth - played.returns
-        cost_replicates = played.bootstrap.means(cost, played.name)
-        worth_replicates = played.bootstrap.means(worth, played.name)
-        severe_share = ratio(episodes["severe_overload_time"], episodes["engaged_time"])
-        is_feasible = severe_share <= self.scenario.limits.overload_allowance
-        with_true_laws = {
-            other.name: other.mean.value
-            for other in self.played.values()
-            if other.policy.knows == "true_laws"
-        }
-        full_cost_share = None
-        # A resample without metal has no such share.
-        if np.all(worth_replicates > 0.0):
-            share = cost.mean() / worth.mean()
-            full_cost_share = Estimate.of(share, cost_replicates / worth_replicates)
-        return replace(
-            standing,
-            full_cost_share=full_cost_share,
-            over_truth=self._difference(played, highest(with_true_laws)),
-            worst_return=float(played.returns.min()),
-            feasible_jobs=float(is_feasible.mean()),
-        )
-
-
-def _with_leads(standing: Standing, played: _Played, other: _Played) -> Standing:
-    """Add the numbers of the lead over another policy, seed by seed."""
-    leads = played.returns.mean(axis=0) - other.returns.mean(axis=0)
-    largest_first = np.argsort(-np.abs(leads), kind="stable")
-    without_largest = leads[largest_first[LARGEST:]]
-    mean_without_largest = float(without_largest.mean()) if without_largest.size else None
-    return replace(
-        standing,
-        median_over_best_rule=float(np.median(leads)),
-        over_best_rule_without_largest=mean_without_largest,
-        beats_best_rule=float((leads > 0.0).mean()),
-    )
 
 
 def total_minutes(episodes: Mapping[str, Floats], scenario: Scenario) -> Floats:

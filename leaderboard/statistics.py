@@ -104,12 +104,10 @@ class Bootstrap:
 
     Args:
         seeds: number of seeds.
-        stratum: name of the task, if resamples of several tasks are to be independent.
     """
 
-    def __init__(self, seeds: int, stratum: str = "") -> None:
-        self._stratum = stratum
-        self._seeds = _resamples_of_seeds(seeds, stratum)
+    def __init__(self, seeds: int) -> None:
+        self._seeds = _resamples_of_seeds(seeds)
         self._products = np.empty_like(self._seeds.weights)  # memory that all means share
         # All quantities of a policy are resampled with the same training seeds.
         self._training_seeds: dict[tuple[str, int], _Resamples] = {}
@@ -119,8 +117,7 @@ class Bootstrap:
         if (policy, count) not in self._training_seeds:
             # Keyed by name: two policies' training seeds are unrelated even if they are equal
             # numbers.
-            name = self._stratum + policy
-            resamples = _Resamples([KEY, crc32(name.encode())], count)
+            resamples = _Resamples([KEY, crc32(policy.encode())], count)
             self._training_seeds[policy, count] = resamples
         return self._training_seeds[policy, count]
 
@@ -339,7 +336,6 @@ class _Resamples:
 
 # Leaderboards with as many seeds share their resamples.
 @lru_cache(2)
-def _resamples_of_seeds(seeds: int, stratum: str) -> _Resamples:
+def _resamples_of_seeds(seeds: int) -> _Resamples:
     """Return the resamples of the seeds of a ranking."""
-    key = [KEY, crc32(stratum.encode())] if stratum else KEY
-    return _Resamples(key, seeds)
+    return _Resamples(KEY, seeds)

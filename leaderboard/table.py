@@ -1,7 +1,7 @@
 """Rankings as text and as data for ``--json``; full costs over a leaderboard and its splits."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields, is_dataclass
 from typing import Any, NamedTuple
 
 from baselines.policy_spec import ScenarioId
@@ -17,13 +17,13 @@ from leaderboard.columns import (
 )
 from leaderboard.ranking import Leaderboard
 from leaderboard.result import ResultError
-from leaderboard.standings import Standing, ranked_by
-from leaderboard.statistics import Feasibility
+from leaderboard.standings import About, Costs, Leads, Operation, Overload, Standing, ranked_by
+from leaderboard.statistics import Feasibility, Mean
 from turning_env import SPLITS
 from turning_env.scenario.section import names_instead
 
-COLUMNS = {column.field: column for group in GROUPS.values() for column in group}
-"""All columns by field."""
+COLUMNS = {column.key: column for group in GROUPS.values() for column in group}
+"""All columns by their names in the output of ``--json``."""
 
 
 def _units() -> dict[str, str]:
@@ -33,7 +33,7 @@ def _units() -> dict[str, str]:
         if heading in TRAINING_GROUPS:
             continue
         for column in columns:
-            units[column.field] = column.unit if column.factor == 1.0 else "share"
+            units[column.key] = column.unit if column.factor == 1.0 else "share"
     return units
 
 
@@ -41,11 +41,7 @@ UNITS = _units()
 
 
 def as_data(leaderboards: Sequence[Leaderboard]) -> dict[str, Any]:
-    """Return the leaderboards with all numbers of their standings.
-
-    See ``leaderboard.standings.Standing``. A number with an interval has ``value``, ``low`` and
-    ``high``.
-    """
+    """Return the leaderboards with all numbers of their standings; see ``standing_data``."""
     entries = []
     for leaderboard in leaderboards:
         task = leaderboard.task
@@ -56,10 +52,36 @@ def as_data(leaderboards: Sequence[Leaderboard]) -> dict[str, Any]:
                 "seeds": task.seeds,
                 "task": task.digest,
                 "ranked_by": ranked_by(task.scenario),
-                "standings": [asdict(standing) for standing in leaderboard.standings],
+                "standings": [standing_data(standing) for standing in leaderboard.standings],
             }
         )
     return {"units": UNITS, "leaderboards": entries}
+
+
+def standing_data(standing: Standing) -> dict[str, Any]:
+    """Return all numbers of a standing by name, whatever part of it they belong to.
+
+    A number with an interval has ``value``, ``low`` and ``high``.
+    """
+    data: dict[str, Any] = {}
+    for name, value in _fields(standing).items():
+        if isinstance(value, About | Overload | Leads | Costs | Operation):
+            data |= {part_name: _plain(part) for part_name, part in _fields(value).items()}
+        elif name != "returns":
+            data[name] = _plain(value)
+    data["feasible"] = standing.feasible
+    return data
+
+
+def _fields(record: Any) -> dict[str, Any]:
+    return {field.name: getattr(record, field.name) for field in fields(record)}
+
+
+def _plain(value: Any) -> Any:
+    """Return a number of a standing as JSON can hold it."""
+    if isinstance(value, Mean):
+        value = value.estimate
+    return asdict(value) if is_dataclass(value) and not isinstance(value, type) else value
 
 
 def render(leaderboard: Leaderboard) -> str:
@@ -199,7 +221,7 @@ def agent_places(leaderboard: Leaderboard, labels: Collection[str]) -> list[str]
         for standing in leaderboard.standings
         if standing.kind == "agent" and standing.name in wanted
     ]
-    standings.sort(key=lambda standing: standing.own)
+    standings.sort(key=lambda standing: standing.about.own)
     lines = []
     for standing in standings:
         lines.append(_agent_place(leaderboard, standing))
@@ -209,28 +231,29 @@ def agent_places(leaderboard: Leaderboard, labels: Collection[str]) -> list[str]
 
 def _agent_merit(standing: Standing) -> str:
     """Return a line on an agent's feasibility and its lead over the best rule."""
-    overload = f"severe overload in {standing.severe_share:.2%} of cutting time"
-    feasibility = _FEASIBILITY[standing.feasibility]
-    if standing.over_best_rule is None:
+    overload = f"severe overload in {standing.overload.severe_share:.2%} of cutting time"
+    feasibility = _FEASIBILITY[standing.overload.feasibility]
+    leads = standing.leads
+    if leads.over_best_rule is None:
         return f"{feasibility}: {overload}"
     lead = COLUMNS["over_best_rule"].cell(standing)
-    sign = "+" if standing.over_best_rule.value > 0.0 else ""
-    rule = f"the best rule, {standing.best_rule}"
+    sign = "+" if leads.over_best_rule.value > 0.0 else ""
+    rule = f"the best rule, {leads.best_rule}"
     return f"{feasibility}: {overload}; {sign}{lead.text} s ({lead.interval}) over {rule}"
 
 
 def _agent_place(leaderboard: Leaderboard, standing: Standing) -> str:
     """Return a line on the place of an agent."""
     task = leaderboard.task
-    ranked = [other.name for other in leaderboard.standings if other.unranked is None]
-    if standing.unranked is None:
-        place = f"rank {ranked.index(standing.name) + 1} of {len(ranked)}"
-    else:
+    if standing.rank is None:
         place = f"no rank ({standing.unranked})"
+    else:
+        ranked = sum(other.rank is not None for other in leaderboard.standings)
+        place = f"rank {standing.rank} of {ranked}"
     column = ranking(task.scenario)
     cell = column.cell(standing)
     value = f"{cell.text} {column.unit} ({cell.interval})" if cell.text else "none"
-    whose = "your agent" if standing.own else "agent that ships with the project"
+    whose = "your agent" if standing.about.own else "agent that ships with the project"
     where = f"{standing.name} on {task.env_id}, scenario {task.scenario.name}"
     return f"{whose}: {place}, {column.heading} {value}: {where}"
 
@@ -265,16 +288,16 @@ class _Row:
 
 def _rows(standings: Sequence[Standing], columns: Sequence[Column]) -> Iterator[_Row]:
     """Yield the row of each policy that has a number in one of the columns."""
-    for place, standing in enumerate(standings, 1):
+    for standing in standings:
         cells = [column.cell(standing) for column in columns]
         if not any(cell.text for cell in cells):
             continue
         yield _Row(
-            rank=str(place) if standing.unranked is None else "",
-            policy=f"{standing.name} (yours)" if standing.own else standing.name,
+            rank=str(standing.rank or ""),
+            policy=f"{standing.name} (yours)" if standing.about.own else standing.name,
             kind=standing.kind,
-            trainings=str(len(standing.training_seeds) or ""),
-            feasible=VERDICTS[standing.feasibility] if standing.kind != "oracle" else "",
+            trainings=str(len(standing.about.training_seeds) or ""),
+            feasible=VERDICTS[standing.overload.feasibility] if standing.kind != "oracle" else "",
             numbers=[_text(cell) for cell in cells],
         )
 
@@ -348,7 +371,7 @@ def _across(base: Leaderboard, splits: Sequence[Leaderboard]) -> Across:
     rows = {
         standing.name: {home.name: _split_cost(standing)}
         for standing in base.standings
-        if standing.full_cost is not None
+        if standing.costs.full_cost is not None
     }
     for split in splits:
         names = split.names
@@ -367,7 +390,7 @@ def _across(base: Leaderboard, splits: Sequence[Leaderboard]) -> Across:
 def _split_cost(standing: Standing) -> SplitCost:
     feasible: Feasibility = "feasible"
     if standing.kind != "oracle":
-        feasible = standing.feasibility
+        feasible = standing.overload.feasibility
     return SplitCost(FULL_COST.cell(standing), feasible)
 
 

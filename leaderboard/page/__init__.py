@@ -135,7 +135,7 @@ def _classes(leaderboards: Sequence[Leaderboard]) -> dict[str, str]:
     """Return the classes of policies that some leaderboard shows, with their meaning."""
     shown = set()
     for leaderboard in leaderboards:
-        shown |= {standing.policy_class for standing in leaderboard.standings}
+        shown |= {standing.about.policy_class for standing in leaderboard.standings}
     return {name: meaning for name, meaning in CLASSES.items() if name in shown}
 
 
@@ -196,7 +196,7 @@ def _marks(standings: Sequence[Standing]) -> list[Mark]:
     marks = []
     for title, policy_class in MARKED.items():
         for standing in standings:
-            if standing.policy_class == policy_class and standing.unranked is None:
+            if standing.about.policy_class == policy_class and standing.unranked is None:
                 if standing.score is not None:
                     cell = score_column.cell(standing)
                     marks.append(Mark(title, standing, standing.score.value, cell))

@@ -19,6 +19,7 @@ from baselines.policy_spec import PolicySpec
 from leaderboard.__main__ import main
 from leaderboard.family import KNOWN_FORMS, FamilyPlay, family_task
 from leaderboard.policies import named, one_named
+from leaderboard.ranking import rank
 from leaderboard.result import (
     MANIFEST_FILE,
     PACK_FILE,
@@ -30,7 +31,7 @@ from leaderboard.result import (
     result_folder,
 )
 from leaderboard.run import Piece, attempt
-from leaderboard.standings import Standing, rank
+from leaderboard.standings import Standing
 from leaderboard.statistics import Estimate, Floats
 from leaderboard.trajectories import Trajectories
 from tests.leaderboard.agents import onnx_agents
@@ -97,8 +98,8 @@ def compared() -> dict[str, Standing]:
 
 def test_policies_that_know_more_than_others_are_not_ranked(compared: dict[str, Standing]) -> None:
     assert list(compared) == ["agent", "rule", "bad", "rule with true laws"]
-    assert compared["rule"].best_rule == "bad"
-    assert compared["rule with true laws"].over_truth is None
+    assert compared["rule"].leads.best_rule == "bad"
+    assert compared["rule with true laws"].leads.over_truth is None
 
 
 def test_jobs_are_compared_pairwise(compared: dict[str, Standing]) -> None:
@@ -129,7 +130,7 @@ def test_a_policy_that_may_remove_no_metal_has_no_share_of_its_worth() -> None:
     # Some resamples leave out the only job with metal.
     worth = np.where(np.arange(JOBS) == 0, WORTH, 0.0)
     (standing,) = rank([played(RULE, np.full(JOBS, -9.0), worth=worth)])
-    assert standing.full_cost_share is None
+    assert standing.costs.full_cost_share is None
 
 
 def test_scores_lie_between_fixed_parameters_and_the_oracle() -> None:
@@ -160,9 +161,9 @@ def test_overload_is_counted_over_all_jobs_and_by_job() -> None:
     on_a_quarter = np.where(np.arange(JOBS) < JOBS // 4, 90.0, 0.0)
     (standing,) = rank([played(RULE, np.zeros(JOBS), severe_time=on_a_quarter)])
     assert not standing.feasible
-    assert standing.feasible_jobs == 0.75
-    assert standing.severe_share == pytest.approx(0.9 / 4)
-    assert standing.overload_share == pytest.approx(1.1 * standing.severe_share)
+    assert standing.operation.feasible_jobs == 0.75
+    assert standing.overload.severe_share == pytest.approx(0.9 / 4)
+    assert standing.overload.overload_share == pytest.approx(1.1 * standing.overload.severe_share)
 
 
 def test_a_job_does_not_depend_on_those_that_are_played_with_it() -> None:

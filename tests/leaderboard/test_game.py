@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from leaderboard.__main__ import main
-from leaderboard.game import Game, best_rule, match_on_family, match_on_task
+from leaderboard.game import Game, best_opponent, match_on_family, match_on_task
 
 pygame = pytest.importorskip("pygame")
 
@@ -80,7 +80,7 @@ def test_a_training_job_of_a_family_is_played_beside_the_rule_that_learns() -> N
 
 
 def test_the_opponent_is_a_feasible_rule_that_beats_fixed_values() -> None:
-    assert best_rule("RoughTurning-v0").name not in ("fixed_tuned", "fixed_handbook")
+    assert best_opponent("RoughTurning-v0").name not in ("fixed_tuned", "fixed_handbook")
 
 
 @pytest.mark.parametrize(

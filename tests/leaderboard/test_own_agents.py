@@ -69,7 +69,7 @@ def test_an_own_agent_stands_beside_the_shipped_one(
     (shipped,) = leaderboard_policies.AGENTS.glob("*/*/*.onnx")
     assert main([*words, "--agents", str(mine), str(shipped)]) == 0
     captured = capsys.readouterr()
-    own = {standing.name: standing.own for standing in read_leaderboard(folder).standings}
+    own = {standing.name: standing.about.own for standing in read_leaderboard(folder).standings}
     assert own == {"fixed_handbook": False, "ppo": False, "my_ppo": True}
     assert "my_ppo (yours)" in captured.out
     assert "ppo comes with the project; --name" in captured.err

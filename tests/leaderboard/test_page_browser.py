@@ -8,9 +8,8 @@ from playwright.sync_api import Locator, Page, expect
 
 from baselines.policy_spec import PolicySpec
 from leaderboard import page
-from leaderboard.ranking import Leaderboard
+from leaderboard.ranking import Leaderboard, rank
 from leaderboard.result import Task
-from leaderboard.standings import rank
 from leaderboard.trajectories import Trajectories, record
 from tests.leaderboard.conftest import ENV_ID, MakeResult, spec
 

@@ -89,7 +89,7 @@ def test_an_agent_trained_anew_takes_the_place_of_its_result_and_stands_beside_o
     play_all(task, [trained_anew], folder, replace=True)
     assert "ppo-seed0" in capsys.readouterr().err
     standings = read_leaderboard(folder).standings
-    training_seeds = {standing.name: standing.training_seeds for standing in standings}
+    training_seeds = {standing.name: standing.about.training_seeds for standing in standings}
     assert training_seeds == {"ppo": (0,), "ppo-seed1": (1,)}
     policies = [episode.policy for episode in recorded_in(folder).episodes]
     files = {policy.label: policy.sha256 for policy in policies}

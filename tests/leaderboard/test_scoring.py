@@ -3,7 +3,6 @@
 import json
 import lzma
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +25,6 @@ from leaderboard.scoring import (
     FOLDER,
     VALIDATION_FOLDER,
     VALIDATION_SEEDS,
-    PolicyResult,
     Score,
     compare,
     score,
@@ -34,6 +32,7 @@ from leaderboard.scoring import (
     shipped_validation,
 )
 from leaderboard.seeds import tuning_seeds
+from leaderboard.standings import Played
 from leaderboard.statistics import Estimate
 from leaderboard.validation import task_of, versions
 from turning_env import FAMILY_ID, Scenario
@@ -55,13 +54,9 @@ def named(name: str, policies: Sequence[Any]) -> Any:
     return policy
 
 
-def episodes_of(result: PolicyResult) -> dict[str, Any]:
-    """Return the episodes of a rule's result."""
-    return {
-        "return": result.returns[0],
-        "severe_overload_time": result.severe[0],
-        "engaged_time": result.engaged[0],
-    }
+def episodes_of(result: Played) -> dict[str, Any]:
+    """Return the episodes of a rule."""
+    return {name: values[0] for name, values in result.episodes.items()}
 
 
 class Counting:
@@ -219,11 +214,11 @@ def test_the_same_episodes_are_no_better_and_no_worse() -> None:
     others = shipped("RoughTurning-v0", 16)
     episodes = episodes_of(named(name, others))
     scored = compare("RoughTurning-v0", episodes, Scenario.load("rough_turning"), others)
-    same = named(name, scored.comparisons)
-    assert same.ahead == Estimate(0.0, 0.0, 0.0)
-    assert same.mean_return == scored.mean_return
+    same = named(name, scored.others)
+    assert scored.standing.ahead_of(same) == Estimate(0.0, 0.0, 0.0)
+    assert same.mean_return.estimate == scored.mean_return
     assert same.feasible == scored.feasible
-    ranked = [other.name for other in scored.comparisons if other.kind != "oracle"]
+    ranked = [other.name for other in scored.others if other.kind != "oracle"]
     assert scored.rank is not None
     assert ranked[scored.rank - 1] == name
     assert scored.ranked == len(ranked) + 1
@@ -237,7 +232,7 @@ def test_the_table_has_a_line_for_each_policy_in_the_order_of_ranks() -> None:
     )
     header, *lines = scored.table().splitlines()
     assert header.split()[:3] == ["rank", "policy", "return"]
-    assert len(lines) == len(scored.comparisons) + 1
+    assert len(lines) == len(scored.others) + 1
     for rank, line in enumerate(lines[: scored.ranked], start=1):
         assert line.split()[0] == str(rank)
     assert scored.rank is not None
@@ -262,8 +257,8 @@ def test_validation_scores_between_the_ends_and_compares_with_the_best_rule() ->
     scored = score(rule, OVERRIDE, seeds=4, split="validation")
     assert scored.score is not None
     assert scored.score.value == pytest.approx(0.0, abs=0.1)
-    best = named("constant_power_lead", scored.comparisons)
-    assert best.ahead.value < 0.0
+    best = named("constant_power_lead", scored.others)
+    assert scored.standing.ahead_of(best).value < 0.0
     assert f"against {best.name}" in str(scored)
     names = [line.split()[0] for line in scored.table().splitlines()[1:]]
     # The rule itself is there, too, with returns that are rounded.
@@ -411,16 +406,16 @@ def test_a_model_as_a_zip_file_is_sent_to_the_export(tmp_path: Path) -> None:
 def test_agents_of_the_published_simulation_are_not_ranked(expected: Score) -> None:
     assert expected.rank is None
     assert "no rank: the leaderboard ranks rules only" in str(expected)
-    gaming = replace(
-        shipped(PAPER, 4)[0], name="gaming", kind="agent", returns=np.full((1, 4), 647.0)
-    )
+    first = shipped(PAPER, 4)[0]
+    episodes = {**first.episodes, "return": np.full((1, 4), 647.0)}
+    gaming = Played(name="gaming", kind="agent", episodes=episodes)
     others = [*shipped(PAPER, 4), gaming]
     scored = compare(PAPER, expected.episodes, Scenario.load("paper"), others)
     assert scored.rank is None
     assert scored.ranked == expected.ranked
     *_, last_ranked = (line for line in scored.table().splitlines() if line[:4].strip().isdigit())
     assert last_ranked.split()[0] == str(scored.ranked)
-    assert named("gaming", scored.comparisons).unranked is not None
+    assert named("gaming", scored.others).unranked is not None
     (line,) = (line for line in scored.table().splitlines() if " gaming " in line)
     assert line.endswith("not ranked")
 
@@ -430,17 +425,17 @@ def test_small_returns_have_decimals() -> None:
     episodes = episodes_of(named("omative", others))
     episodes["return"] = episodes["return"] + 0.1
     scored = compare(OVERRIDE, episodes, Scenario.load("override"), others)
-    ahead = named("modified_fuzzy_override", scored.comparisons).ahead
+    ahead = scored.standing.ahead_of(named("modified_fuzzy_override", scored.others))
     assert f"{ahead.value:+.2f} s" in scored.table()
-    assert f"{scored.severe_share:.2%}" in scored.load()
+    assert f"{scored.overload.severe_share:.2%}" in scored.load()
 
 
 def test_the_share_of_severe_overload_is_called_severe() -> None:
     others = shipped("RoughTurning-v0", 16)
     episodes = episodes_of(named("grid_search", others))
     scored = compare("RoughTurning-v0", episodes, Scenario.load("rough_turning"), others)
-    assert scored.feasibility == "infeasible"
-    assert f"{scored.severe_share:.1%} of cutting time in severe overload" in str(scored)
+    assert scored.overload.feasibility == "infeasible"
+    assert f"{scored.overload.severe_share:.1%} of cutting time in severe overload" in str(scored)
 
 
 def learned(env: Any, **options: Any) -> PPO:

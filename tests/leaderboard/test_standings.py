@@ -8,9 +8,9 @@ from baselines.policy_spec import PolicySpec, ScenarioId
 from leaderboard import page, table
 from leaderboard import policies as leaderboard_policies
 from leaderboard.columns import LIMITS, WORKSHOP
-from leaderboard.ranking import Leaderboard
+from leaderboard.ranking import Leaderboard, rank
 from leaderboard.result import Result, Task
-from leaderboard.standings import Standing, rank
+from leaderboard.standings import Standing
 from leaderboard.statistics import Estimate
 from tests.leaderboard.conftest import ENV_ID, MakeResult, spec
 from turning_env import SPLITS, Scenario
@@ -53,14 +53,14 @@ def test_physical_columns_by_hand(make_result: MakeResult) -> None:
     (standing,) = rank([result])
     # 35 min of cutting and moves, three edges of 2 min each, and a breakage of 10 min.
     minutes = 35.0 + 3 * 2.0 + 10.0
-    assert standing.removal_rate == pytest.approx(3500 / minutes)
+    assert standing.operation.removal_rate == pytest.approx(3500 / minutes)
     # An edge costs 3 min.
-    assert value(standing.cost) == pytest.approx((minutes + 3 * 3.0) / 3.5)
-    assert standing.overload_share == pytest.approx(0.1)
-    assert standing.severe_share == pytest.approx(0.02)
-    assert standing.excess == pytest.approx(0.004)
-    assert standing.broken_share == pytest.approx(1 / 3)
-    assert standing.used_life == pytest.approx(2.201 / 4)
+    assert value(standing.costs.cost) == pytest.approx((minutes + 3 * 3.0) / 3.5)
+    assert standing.overload.overload_share == pytest.approx(0.1)
+    assert standing.overload.severe_share == pytest.approx(0.02)
+    assert standing.overload.excess == pytest.approx(0.004)
+    assert standing.operation.broken_share == pytest.approx(1 / 3)
+    assert standing.operation.used_life == pytest.approx(2.201 / 4)
 
 
 def test_splits_are_ranked_by_full_cost(make_result: MakeResult, task: Task) -> None:
@@ -141,7 +141,7 @@ def compared(make_result: MakeResult) -> dict[str, Standing]:
 
 
 def test_policies_are_compared_with_the_best_other_rule(compared: dict[str, Standing]) -> None:
-    best = {name: standing.best_rule for name, standing in compared.items()}
+    best = {name: standing.leads.best_rule for name, standing in compared.items()}
     assert best == {
         "ppo": "also_good",
         "also_good": "grid_search",
@@ -153,22 +153,22 @@ def test_policies_are_compared_with_the_best_other_rule(compared: dict[str, Stan
 
 def test_returns_and_leads_by_hand(compared: dict[str, Standing]) -> None:
     ppo = compared["ppo"]
-    assert ppo.training_seeds == (0, 1)
+    assert ppo.about.training_seeds == (0, 1)
     assert value(ppo.mean_return) == pytest.approx(87)
     assert value(ppo.interquartile_return) == pytest.approx((91 + 83 + 93 + 81) / 4)
-    assert value(ppo.over_fixed) == pytest.approx(87)
-    assert value(ppo.over_published) == pytest.approx(62)
-    assert compared["grid_search"].over_published is None
-    assert compared["fixed_tuned"].over_fixed is None
+    assert value(ppo.leads.over_fixed) == pytest.approx(87)
+    assert value(ppo.leads.over_published) == pytest.approx(62)
+    assert compared["grid_search"].leads.over_published is None
+    assert compared["fixed_tuned"].leads.over_fixed is None
 
 
 def test_intervals_hold_the_chance_of_seeds_and_of_training(compared: dict[str, Standing]) -> None:
     # On every seed each training is ahead by the same: what is left is the chance of training.
-    lead = compared["ppo"].over_best_rule
+    lead = compared["ppo"].leads.over_best_rule
     assert lead is not None
     assert (lead.low, lead.value, lead.high) == pytest.approx((61, 62, 63))
 
-    behind = compared["fixed_tuned"].over_best_rule
+    behind = compared["fixed_tuned"].leads.over_best_rule
     assert behind is not None
     assert behind.value == pytest.approx(-25)
     assert -40 <= behind.low < behind.value < behind.high <= -10
@@ -178,9 +178,9 @@ def test_leads_are_shown_also_without_the_largest_differences(
     compared: dict[str, Standing],
 ) -> None:
     fixed = compared["fixed_tuned"]
-    assert fixed.median_over_best_rule == -25.0
-    assert fixed.over_best_rule_without_largest == -10.0
-    assert fixed.beats_best_rule == 0.0
+    assert fixed.leads.median_over_best_rule == -25.0
+    assert fixed.leads.over_best_rule_without_largest == -10.0
+    assert fixed.leads.beats_best_rule == 0.0
 
 
 def test_tracks_and_classes_rank_for_themselves(make_result: MakeResult) -> None:
@@ -207,8 +207,8 @@ def test_tracks_and_classes_rank_for_themselves(make_result: MakeResult) -> None
     constraint_ranks = [standing.constraint_rank for standing in standings.values()]
     assert constraint_ranks == [3, 1, 2, None, None]
     for name, cheapest in [("taught", "learned"), ("learned", "plain"), ("greedy", "learned")]:
-        gap = value(standings[name].cost) - value(standings[cheapest].cost)
-        over = standings[name].over_least_cost
+        gap = value(standings[name].costs.cost) - value(standings[cheapest].costs.cost)
+        over = standings[name].costs.over_least_cost
         assert over is not None
         # All seeds are alike, so the interval has no width.
         assert (over.low, over.value, over.high) == pytest.approx((gap, gap, gap))
@@ -228,9 +228,9 @@ def test_agents_share_a_name_if_their_training_is_the_same_and_none_joins_one_th
         spec("ppo", seed=4, parameters=framed, sha256="another"),
     ]
     standings = standings_of([make_result("ppo", policy=policy) for policy in policies])
-    training_seeds = {name: standing.training_seeds for name, standing in standings.items()}
+    training_seeds = {name: standing.about.training_seeds for name, standing in standings.items()}
     assert training_seeds == {"ppo": (1, 2), "ppo-seed0,3": (0, 3), "ppo-seed4": (4,)}
-    own = {name for name, standing in standings.items() if standing.own}
+    own = {name for name, standing in standings.items() if standing.about.own}
     assert own == {"ppo-seed0,3", "ppo-seed4"}
 
 
@@ -243,7 +243,10 @@ def test_trainings_with_other_inputs_have_names_of_their_own(make_result: MakeRe
         spec("ppo", seed=2, parameters=taught),
     ]
     standings = standings_of([make_result("ppo", policy=policy) for policy in policies])
-    classes = {standing.training_seeds: standing.policy_class for standing in standings.values()}
+    classes = {
+        standing.about.training_seeds: standing.about.policy_class
+        for standing in standings.values()
+    }
     assert classes == {(0, 1): "model-free agent", (2,): "privileged agent"}
 
 
@@ -262,14 +265,14 @@ def test_score_runs_from_fixed_parameters_to_the_causal_oracle(make_result: Make
     )
     assert list(standings)[-2:] == ["clairvoyant", "causal"]  # oracles are listed, not ranked
     assert value(standings["good"].score) == pytest.approx(90.0)
-    assert value(standings["good"].over_causal) == pytest.approx(-10.0)
+    assert value(standings["good"].leads.over_causal) == pytest.approx(-10.0)
     assert value(standings["clairvoyant"].score) == pytest.approx(200.0)
     assert value(standings["fixed_tuned"].score) == 0.0
     assert value(standings["causal"].score) == 100.0
-    assert standings["good"].best_rule == "grid_search"
+    assert standings["good"].leads.best_rule == "grid_search"
 
 
-@pytest.mark.parametrize("column", [*LIMITS, *WORKSHOP], ids=lambda column: column.field)
+@pytest.mark.parametrize("column", [*LIMITS, *WORKSHOP], ids=lambda column: column.key)
 def test_a_bound_without_episodes_has_no_number_of_play(column, make_result: MakeResult) -> None:
     bound = spec("clairvoyant", kind="oracle")
     result = make_result(
@@ -279,7 +282,7 @@ def test_a_bound_without_episodes_has_no_number_of_play(column, make_result: Mak
         engaged_time=0.0,
     )
     (standing,) = rank([result])
-    assert standing.minutes == 0.0
+    assert standing.operation.minutes == 0.0
     assert column.cell(standing).number is None
 
 
@@ -301,7 +304,7 @@ def test_feasibility_has_three_states_by_the_confidence_limits(
     of_three_states: Leaderboard,
 ) -> None:
     standings = {standing.name: standing for standing in of_three_states.standings}
-    feasibility = {name: standing.feasibility for name, standing in standings.items()}
+    feasibility = {name: standing.overload.feasibility for name, standing in standings.items()}
     assert feasibility == {
         "careful": "feasible",
         "unclear": "not shown",
@@ -309,7 +312,11 @@ def test_feasibility_has_three_states_by_the_confidence_limits(
     }
     assert [name for name, standing in standings.items() if standing.feasible] == ["careful"]
     for standing in standings.values():
-        assert standing.severe_lower_limit <= standing.severe_share <= standing.severe_limit
+        assert (
+            standing.overload.severe_lower_limit
+            <= standing.overload.severe_share
+            <= standing.overload.severe_limit
+        )
 
 
 def test_tables_and_page_show_the_three_states(of_three_states: Leaderboard) -> None:
@@ -325,13 +332,13 @@ def test_time_over_a_limit_is_shown_whole_if_the_results_hold_it(make_result: Ma
     over = {"overload_2_percent_time": 12.0, "overload_10_percent_time": 3.0}  # of a minute
     results = [make_result("ppo", 0, **over), make_result("ppo", 1)]
     (standing,) = rank(results)
-    assert standing.share_above_2_percent == pytest.approx(0.1)
-    assert standing.share_above_10_percent == pytest.approx(0.025)
+    assert standing.overload.share_above_2_percent == pytest.approx(0.1)
+    assert standing.overload.share_above_10_percent == pytest.approx(0.025)
 
     older = results[1].model_copy(update={"excess": None})
     (standing,) = rank([results[0], older])
-    assert standing.share_above_2_percent is None
-    assert standing.share_above_10_percent is None
+    assert standing.overload.share_above_2_percent is None
+    assert standing.overload.share_above_10_percent is None
 
 
 def test_the_best_other_rule_is_a_feasible_one(make_result: MakeResult) -> None:
@@ -343,7 +350,7 @@ def test_the_best_other_rule_is_a_feasible_one(make_result: MakeResult) -> None:
             make_result("ppo", 0, returns=30.0),
         ]
     )
-    best = {name: standing.best_rule for name, standing in standings.items()}
+    best = {name: standing.leads.best_rule for name, standing in standings.items()}
     assert best == {
         "ppo": "good",
         "poor": "good",
@@ -351,7 +358,7 @@ def test_the_best_other_rule_is_a_feasible_one(make_result: MakeResult) -> None:
         "good": "poor",
     }
     # Of the best rule, the number is its lead over the next.
-    assert value(standings["good"].over_best_rule) == pytest.approx(10.0)
+    assert value(standings["good"].leads.over_best_rule) == pytest.approx(10.0)
 
 
 def test_agents_are_shown_without_a_rank_where_the_wear_rule_can_be_gamed(
