@@ -183,3 +183,19 @@ def test_the_command_prints_both_tables(
     # The plain tables show all policies.
     assert main([*show, "--policies", "predictive"]) == 2
     assert "add one of them" in capsys.readouterr().err
+
+
+def test_a_score_on_one_task_has_the_interval_of_its_leaderboard(make_result: MakeResult) -> None:
+    on = task_on("RoughTurning-v0")
+    board = leaderboard_of(
+        [
+            make_result("fixed_tuned", on=on, returns=-100.0 + NOISE),
+            make_result("predictive", on=on, returns=-10.0 - NOISE),
+            make_result("causal", on=on, policy=ORACLE, returns=0.0 + NOISE),
+        ]
+    )
+    (score,) = (standing.score for standing in board.standings if standing.name == "predictive")
+    assert score is not None
+    over_tasks = mean_score(entries([TaskScores(board)])["best rule"])
+    assert over_tasks.estimate == score.estimate
+    assert score.estimate.low < score.value < score.estimate.high

@@ -104,25 +104,25 @@ def test_policies_that_know_more_than_others_are_not_ranked(compared: dict[str, 
 
 def test_jobs_are_compared_pairwise(compared: dict[str, Standing]) -> None:
     agent = compared["agent"]
-    assert agent.best_rule == "rule"
-    assert agent.over_best_rule is not None
-    assert agent.over_best_rule.value == pytest.approx(5.0)
-    assert agent.over_best_rule.low < 5.0 < agent.over_best_rule.high
-    assert agent.median_over_best_rule == pytest.approx(7.0)
-    assert agent.beats_best_rule == pytest.approx(0.75)
+    assert agent.leads.best_rule == "rule"
+    assert agent.leads.over_best_rule is not None
+    assert agent.leads.over_best_rule.value == pytest.approx(5.0)
+    assert agent.leads.over_best_rule.low < 5.0 < agent.leads.over_best_rule.high
+    assert agent.leads.median_over_best_rule == pytest.approx(7.0)
+    assert agent.leads.beats_best_rule == pytest.approx(0.75)
     # Three of the twelve leads of 7 s are left out.
     total = 9 * 7.0 - 4 * 1.0
-    assert agent.over_best_rule_without_largest == pytest.approx(total / 13)
-    assert value(agent.over_truth) == pytest.approx(-5.0)
+    assert agent.leads.over_best_rule_without_largest == pytest.approx(total / 13)
+    assert value(agent.leads.over_truth) == pytest.approx(-5.0)
 
 
 def test_numbers_of_jobs_by_hand(compared: dict[str, Standing]) -> None:
     agent = compared["agent"]
-    assert agent.policy_class == "other agent"
-    assert agent.training_seeds == (0, 1)
-    assert agent.feasible_jobs == 1.0
-    assert agent.worst_return == pytest.approx(-101.0)
-    assert value(agent.full_cost_share) == pytest.approx((WORTH - 5.0) / WORTH)
+    assert agent.about.policy_class == "other agent"
+    assert agent.about.training_seeds == (0, 1)
+    assert agent.operation.feasible_jobs == 1.0
+    assert agent.operation.worst_return == pytest.approx(-101.0)
+    assert value(agent.costs.full_cost_share) == pytest.approx((WORTH - 5.0) / WORTH)
 
 
 @pytest.mark.filterwarnings("error")

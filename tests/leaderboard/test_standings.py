@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+import numpy as np
 import pytest
 
 from baselines.policy_spec import PolicySpec, ScenarioId
@@ -10,8 +11,9 @@ from leaderboard import policies as leaderboard_policies
 from leaderboard.columns import LIMITS, WORKSHOP
 from leaderboard.ranking import Leaderboard, rank
 from leaderboard.result import Result, Task
-from leaderboard.standings import Standing
-from leaderboard.statistics import Estimate
+from leaderboard.scoring import compare
+from leaderboard.standings import Played, Standing, best_rule
+from leaderboard.statistics import Estimate, Floats, Mean
 from tests.leaderboard.conftest import ENV_ID, MakeResult, spec
 from turning_env import SPLITS, Scenario
 
@@ -31,7 +33,7 @@ def leaderboard_of(results: Sequence[Result]) -> Leaderboard:
     )
 
 
-def value(estimate: Estimate | None) -> float:
+def value(estimate: Estimate | Mean | None) -> float:
     assert estimate is not None
     return estimate.value
 
@@ -462,3 +464,44 @@ def test_decimals_follow_the_interval_or_without_one_the_value(
 
 def test_decimals_are_those_of_the_unit_that_is_shown() -> None:
     assert Estimate(0.0028, 0.0015, 0.0041).decimals(factor=100.0) == 2
+
+
+def test_a_rule_that_forgets_is_not_the_best_rule(make_result: MakeResult) -> None:
+    standings = rank(
+        [
+            make_result("self_tuning", policy=spec("self_tuning", forgets=True), returns=20.0),
+            make_result("predictive", returns=10.0),
+        ]
+    )
+    best = best_rule(standings)
+    assert best is not None
+    assert best.name == "predictive"
+
+
+def test_a_score_is_the_standing_on_the_leaderboard(make_result: MakeResult, task: Task) -> None:
+    """Intervals, ranks and verdicts of ``leaderboard.score`` are those of ``leaderboard run``."""
+    results = [
+        make_result("fixed_tuned", returns=[-90.0, -120.0, -100.0, -80.0]),
+        make_result("causal", policy=spec("causal", kind="oracle"), returns=[5.0, 0.0, -5.0, 9.0]),
+        make_result(
+            "mine", 0, returns=[-10.0, -40.0, -20.0, -5.0], severe_overload_time=[0, 0, 0, 4]
+        ),
+    ]
+    fixed, oracle, mine = (
+        {name: np.array(values) for name, values in result.episodes.items()} for result in results
+    )
+    others = [played("fixed_tuned", "rule", fixed), played("causal", "oracle", oracle)]
+    scored = compare(ENV_ID, mine, task.scenario, others)
+    (on_board,) = (standing for standing in rank(results) if standing.name == "mine")
+    assert scored.mean_return == on_board.mean_return.estimate
+    assert on_board.score is not None
+    assert scored.score == on_board.score.estimate
+    assert scored.rank == on_board.rank
+    assert scored.overload.feasibility == on_board.overload.feasibility
+    assert scored.overload.severe_limit == on_board.overload.severe_limit
+
+
+def played(name: str, kind: str, episodes: dict[str, Floats]) -> Played:
+    """Return the episodes of a policy with one training."""
+    by_training = {field: values[np.newaxis] for field, values in episodes.items()}
+    return Played(name=name, kind=kind, episodes=by_training)

@@ -119,12 +119,11 @@ def test_the_interval_of_a_mean_is_that_of_scipys_bootstrap() -> None:
     assert estimate.high == pytest.approx(interval.high, abs=0.05 * width)
 
 
-@pytest.mark.parametrize("stratum", ["", "task"])
-def test_means_are_those_of_the_resampled_rows_and_seeds(stratum: str) -> None:
+def test_means_are_those_of_the_resampled_rows_and_seeds() -> None:
     values = np.random.default_rng(5).normal(size=(3, 7))
-    bootstrap = Bootstrap(7, stratum)
-    seeds = picks(7, stratum) if stratum else picks(7)
-    rows = picks(3, stratum + "agent")
+    bootstrap = Bootstrap(7)
+    seeds = picks(7)
+    rows = picks(3, "agent")
     resampled = values[rows[:, :, np.newaxis], seeds[:, np.newaxis, :]]
     assert bootstrap.means(values, "agent") == pytest.approx(resampled.mean(axis=(1, 2)))
     rule = values[:1]
