@@ -25,6 +25,9 @@ from turning_control.readings import SWITCHES, Readings
 from turning_control.shield import LOG
 from turning_control.watch import STUCK_INTERVALS, STUCK_TIME
 
+from turning_env.files import read_regular
+from turning_env.scenario.scenario import MAX_TOML
+
 NEEDED = ("spindle_speed", "feed_velocity", "in_feed", "cutting")
 READINGS = {field.name for field in fields(Readings)} - {"engaged_time", "new_edge"} | {"edge"}
 COMMANDS = {"adaptive_feed", "spindle_override", "status", "alive"}
@@ -43,9 +46,16 @@ class Nodes(NamedTuple):
 def load_nodes(path: Path) -> Nodes:
     """Return the nodes that a file names.
 
-    ValueError if a name is unknown or missing, or an age is not above 0.
+    ValueError if the file is not TOML, a name is unknown or missing, a node id is no text, or an
+    age is not above 0; OSError if the file cannot be read.
     """
-    plan = tomllib.loads(path.read_text())
+    try:
+        plan = tomllib.loads(read_regular(path, MAX_TOML).decode())
+    except ValueError as error:  # no TOML, or no text
+        raise ValueError(f"{path} is not TOML: {error}") from error
+    for section, values in plan.items():
+        if not isinstance(values, dict):
+            raise ValueError(f"{path}: {section!r} is {values!r}, but must be a table")
     nodes = Nodes(
         readings=plan.get("readings", {}),
         commands=plan.get("commands", {}),
@@ -58,6 +68,9 @@ def load_nodes(path: Path) -> Nodes:
     for name in (*NEEDED, "adaptive_feed"):
         if name not in named:
             raise ValueError(f"{path}: {name!r} is missing")
+    for name, node in named.items():
+        if not isinstance(node, str):
+            raise ValueError(f"{path}: {name!r} is {node!r}, but must be a node id in quotes")
     for name, age in nodes.max_ages.items():
         if not isinstance(age, int | float) or not age > 0.0:
             raise ValueError(f"{path}: max_age of {name!r} is {age}, but must be above 0 s")

@@ -9,9 +9,9 @@ from typing import Any
 
 from turning_nc.paths import Point
 from turning_nc.words import MAX_BYTES, NcError
-from turning_shop import regular_file
 
 from turning_env.extras import needed
+from turning_env.files import read_regular
 
 with needed():
     import shapely
@@ -42,7 +42,7 @@ def read_contour(path: Path) -> Any:
 
 
 def _csv_points(path: Path) -> list[Point]:
-    text = regular_file(path, MAX_BYTES).read_text("utf-8-sig", "replace")
+    text = read_regular(path, MAX_BYTES).decode("utf-8-sig", "replace")
     points: list[Point] = []
     for number, line in enumerate(text.splitlines(), 1):
         is_blank = not line.strip(" ,")
@@ -69,7 +69,7 @@ def _dxf_lines(path: Path) -> list[list[Point]]:
     """Return the lines of a DXF drawing; its X is Z, its Y the radius."""
     with needed():
         import ezdxf
-    regular_file(path, MAX_BYTES)
+    read_regular(path, MAX_BYTES)  # refuses what has no end; the package reads the file itself
     try:
         drawing = ezdxf.readfile(path)
     except PermissionError:

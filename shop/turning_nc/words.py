@@ -16,9 +16,9 @@ from typing import NamedTuple
 
 from turning_nc.dialects import NUMBER, Dialect, dialect_of, foreign_sign, with_line_feeds
 from turning_nc.expression import MAX_SHOWN, parse
-from turning_shop import regular_file
 
 from turning_env.console import UserError
+from turning_env.files import read_regular
 
 MAX_BYTES = 10_000_000
 MAX_LINES = 200_000
@@ -256,7 +256,7 @@ class PartProgram:
 
 def read_program_file(path: Path, dialect: Dialect | None = None) -> PartProgram:
     """Return the program in a file; see ``divide``."""
-    data = regular_file(path, MAX_BYTES).read_bytes()
+    data = read_regular(path, MAX_BYTES)
     with naming(path):
         if data.startswith((b"\xff\xfe", b"\xfe\xff")):
             raise NcError("is UTF-16 text, which controls do not read: save it as ASCII or UTF-8")

@@ -49,20 +49,3 @@ def refuse_existing(overwrite: bool, *paths: Path | None) -> None:
             raise WorkshopError(f"{path} exists; --overwrite replaces it")
         if paths.count(path) > 1:
             raise WorkshopError(f"{path} is given for two files")
-
-
-def regular_file(path: Path, max_bytes: int) -> Path:
-    """Return the path of a file to read whole, which has an end and is not too large.
-
-    Raises:
-        OSError: There is none.
-        WorkshopError: It is a device, a pipe or a folder, or has more than ``max_bytes``.
-    """
-    size = path.stat().st_size
-    if not path.is_file():
-        raise WorkshopError(f"{path} is a device, a pipe or a folder, but must be a file")
-    if size > max_bytes:
-        raise WorkshopError(
-            f"{path} has {size / 1e6:.3g} MB, but {max_bytes / 1e6:g} MB at most are read"
-        )
-    return path

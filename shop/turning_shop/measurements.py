@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from turning_shop import WorkshopError, regular_file
+from turning_shop import WorkshopError
 from turning_shop.headers import (
     COLUMNS,
     CONVERSIONS,
@@ -36,6 +36,7 @@ from turning_shop.headers import (
 )
 
 from turning_env.extras import missing
+from turning_env.files import read_regular
 
 REQUIRED = ("cutting_speed", "feed", "depth_of_cut")  # columns that every sheet of cuts must have
 FORCES = ("main_force", "feed_force", "back_force", "thrust_force")
@@ -126,7 +127,7 @@ def read_measurements(
     source = str(path)
     stated = _Stated(stated_headers, units=stated_units, constants=constants)
     try:
-        data = regular_file(Path(path), MAX_BYTES).read_bytes()
+        data = read_regular(Path(path), MAX_BYTES)
         if Path(path).suffix.lower() in (".xlsx", ".xlsm"):
             rows = _rows_of_workbook(data)
             return _parse(rows, source, stated, may_have_commas=False)

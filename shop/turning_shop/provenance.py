@@ -32,9 +32,10 @@ from turning_shop.fit import FACTORS
 from turning_shop.prediction import Evidence, read_evidence
 from turning_shop.whatif import NO_LIMIT
 
+from turning_env.files import read_regular
 from turning_env.scenario import Scenario, presets
 from turning_env.scenario.power_law import PowerLaw
-from turning_env.scenario.scenario import Source, flat, merged, nested
+from turning_env.scenario.scenario import MAX_TOML, Source, flat, merged, nested
 from turning_env.scenario.sections import Material
 
 SectionT = TypeVar("SectionT", bound=BaseModel)
@@ -536,7 +537,7 @@ def is_papers(wear: PowerLaw) -> bool:
 
 def stated_by(path: Path) -> tuple[dict[str, Any], str]:
     """Return the values that a scenario file and its bases state, and the preset below them."""
-    values = tomllib.loads(path.read_text("utf-8-sig"))
+    values = tomllib.loads(read_regular(path, MAX_TOML).decode("utf-8-sig"))
     base = values.pop("base", "rough_turning")
     for table in ("name", "calibration"):
         values.pop(table, None)

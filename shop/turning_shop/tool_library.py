@@ -14,8 +14,10 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
-from turning_shop import WorkshopError, regular_file
+from turning_shop import WorkshopError
 from turning_shop.catalogue.inserts import Insert, read_insert
+
+from turning_env.files import read_regular
 
 MAX_BYTES = 20_000_000  # of a file
 MAX_TOOLS = 10_000  # of a file
@@ -72,7 +74,7 @@ def read_tools(path: Path) -> list[Tool]:
     """
     if path.suffix.lower() != ".csv":
         raise WorkshopError(f"{path}: tools are read from .csv and a scenario's .toml")
-    data = regular_file(path, MAX_BYTES).read_bytes()
+    data = read_regular(path, MAX_BYTES)
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError:

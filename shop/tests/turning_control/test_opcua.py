@@ -3,6 +3,7 @@
 import contextlib
 import datetime
 import math
+import os
 import socket
 import threading
 from collections.abc import Callable, Iterable, Iterator
@@ -226,6 +227,9 @@ NEEDED_READINGS = "\n".join(["[readings]", *(f"{name} = 'i=1'" for name in opcua
             "cutting",
             id="no age",
         ),
+        pytest.param("readings = 5", "nodes.toml: 'readings' is 5, but must be a table", id="5"),
+        pytest.param(f"{NEEDED_READINGS}\n[commands]\nadaptive_feed = 5", "a node id", id="id 5"),
+        pytest.param("readings =", "nodes.toml is not TOML", id="no TOML"),
     ],
 )
 def test_a_file_of_nodes_that_does_not_fit_is_refused(
@@ -235,6 +239,14 @@ def test_a_file_of_nodes_that_does_not_fit_is_refused(
     path.write_text(text)
     with pytest.raises(ValueError, match=named):
         opcua.load_nodes(path)
+
+
+def test_a_file_of_nodes_that_has_no_end_is_refused(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.toml")
+    (tmp_path / "long.toml").write_bytes(b"#" * 1_000_001)
+    for name in (tmp_path / "pipe.toml", tmp_path / "long.toml", Path("/dev/zero")):
+        with pytest.raises(OSError, match=r"must be a regular file|is larger than 1000000 bytes"):
+            opcua.load_nodes(name)
 
 
 def certified(folder: Path, name: str) -> tuple[Path, Path]:

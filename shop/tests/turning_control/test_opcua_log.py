@@ -1,6 +1,7 @@
 """Records of a server of OPC 40502: what is found by its names, and what a silence loses."""
 
 import itertools
+import os
 import socket
 import time
 from collections.abc import Callable, Iterator
@@ -160,6 +161,13 @@ def test_a_file_names_nodes_that_no_specification_does(server: Server, tmp_path:
     plan.write_text('spindle_torc = "i=1"')
     with pytest.raises(UserError, match="spindle_torque"):
         source(server, nodes=plan)
+
+
+def test_a_file_of_nodes_that_has_no_end_is_refused(tmp_path: Path) -> None:
+    plan = tmp_path / "nodes.toml"
+    os.mkfifo(plan)
+    with pytest.raises(OSError, match="must be a regular file"):
+        OpcUaSource("opc.tcp://lathe", 0.02, parts=Parts(), security=Security(), nodes=plan)
 
 
 def test_what_passed_in_a_silence_comes_from_the_history(server: Server) -> None:

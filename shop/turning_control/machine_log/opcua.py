@@ -32,6 +32,8 @@ from turning_control.machine_log.record import (
 from turning_control.opcua_security import Security, connected
 
 from turning_env.console import UserError, printable
+from turning_env.files import read_regular
+from turning_env.scenario.scenario import MAX_TOML
 
 CNC = "http://opcfoundation.org/UA/CNC"
 MACHINE_TOOL = "http://opcfoundation.org/UA/MachineTool/"
@@ -205,8 +207,8 @@ class OpcUaSource:
 def _load_nodes(path: Path) -> dict[str, str]:
     """Return the node ids of quantities in a file; UserError if a name is unknown."""
     try:
-        plan = tomllib.loads(path.read_text("utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        plan = tomllib.loads(read_regular(path, MAX_TOML).decode())
+    except ValueError as error:
         raise UserError(f"{path} is not TOML: {error}") from error
     allowed = [*QUANTITIES, "tool"]
     for name, node in plan.items():
