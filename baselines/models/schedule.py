@@ -23,6 +23,7 @@ from baselines.models.normal import probability
 from baselines.rule import Array
 from turning_env import PowerLaw, Scenario
 from turning_env.numerics.functions import exp, hypotenuse, log, real_power
+from turning_env.physics.wear import Phases, phase_factor
 from turning_env.scenario.laws import (
     capacity_at,
     chatter_cutting_speed,
@@ -191,30 +192,26 @@ class _Responses:
         self._speed = speed
         self._feed = feed
         self._depth = scenario.workpiece.depth_of_cut
-        # Chatter adds a dynamic force around the bar's critical spindle speed.
-        self._dynamic = 1.0 + _bump(
-            speed,
-            height=machine.chatter,
-            centre=chatter_cutting_speed(scenario),
-            width=machine.chatter_width,
-        )
+        # Chatter adds a dynamic force around the bar's critical spindle speed
+        # (``physics/slender_bar.py``; at the nominal depth).
+        off = log(speed / chatter_cutting_speed(scenario)) / machine.chatter_width
+        self._dynamic = 1.0 + machine.chatter * exp(-off * off)
 
     def life_rate(self, used_life: Array) -> Any:
         """Return the rate at which the life is used [1/min]."""
         failure = self._failure
         wear = wear_at(self._scenario, used_life)
         rate = life_rate(self._material.wear, self._criterion, self._speed, self._feed, self._depth)
-        built_up = _bump(
-            self._speed,
-            height=failure.built_up_edge,
-            centre=failure.built_up_speed,
-            width=failure.built_up_width,
+        phases = Phases(
+            tertiary_wear=failure.tertiary_wear,
+            tertiary_rate=failure.tertiary_rate,
+            running_in=failure.running_in,
+            running_in_wear=failure.running_in_wear,
+            built_up_edge=failure.built_up_edge,
+            log_built_up_speed=log(failure.built_up_speed),
+            built_up_width=failure.built_up_width,
         )
-        tertiary = np.maximum(wear - failure.tertiary_wear, 0.0)
-        running_in = failure.running_in * exp(-wear / failure.running_in_wear)
-        rate = rate * (1.0 + built_up)
-        rate = rate * exp(failure.tertiary_rate * tertiary)
-        return rate * (1.0 + running_in)
+        return rate * phase_factor(phases, wear, log(self._speed))
 
     def value_rate(self, used_life: Array) -> Any:
         """Return the value of metal less the price of overload [s per s]."""
@@ -276,9 +273,3 @@ class _Responses:
     def _spread(self, law: PowerLaw) -> Any:
         """Return the standard deviation of a log response over bars."""
         return load_spread(law, self._scenario.workpiece)
-
-
-def _bump(speed: Array, height: float, centre: float, width: float) -> Any:
-    """Return a bell curve over log speed."""
-    distance = log(speed / centre) / width
-    return height * exp(-distance * distance)

@@ -8,11 +8,25 @@ D = (W / W_max)^(1/n), from which the wear follows: W = W_max D^n. By equivalent
 dD/dt = (K / W_max)^(1/n). By clock time, each step adds K (t_i^n - t_{i-1}^n) to W.
 """
 
+from typing import Any, NamedTuple
+
 from turning_env.numerics.compilation import compiled
-from turning_env.numerics.functions import exp, log, real_power
+from turning_env.numerics.functions import exp, log, real_power, where
 
 EQUIVALENT_TIME, CLOCK_TIME = range(2)
 WEAR_RULES = {"equivalent_time": EQUIVALENT_TIME, "clock_time": CLOCK_TIME}
+
+
+class Phases(NamedTuple):
+    """Numbers of the phases of wear and of built-up edges (``EdgeFailure``)."""
+
+    tertiary_wear: Any  # [mm]
+    tertiary_rate: Any  # [1/mm]
+    running_in: Any  # [-]
+    running_in_wear: Any  # [mm]
+    built_up_edge: Any  # [-]
+    log_built_up_speed: Any  # [log m/min]
+    built_up_width: Any  # [-]
 
 
 @compiled
@@ -55,15 +69,33 @@ def with_phases(p, i, before, after, log_cutting_speed):
     Without these, the cut would take it from ``before`` to ``after``. Forms and numbers are
     assumptions (``docs/models.md``).
     """
+    phases = Phases(
+        tertiary_wear=p.tertiary_wear[i],
+        tertiary_rate=p.tertiary_rate[i],
+        running_in=p.running_in[i],
+        running_in_wear=p.running_in_wear[i],
+        built_up_edge=p.built_up_edge[i],
+        log_built_up_speed=p.log_built_up_speed[i],
+        built_up_width=p.built_up_width[i],
+    )
     wear = exp(log_wear(p, i, before))
+    return before + (after - before) * phase_factor(phases, wear, log_cutting_speed)
+
+
+@compiled
+def phase_factor(phases, wear, log_cutting_speed):
+    """Return the rate of wear over that of the power law [-], by ``Phases``.
+
+    The flank wear is in mm, the cutting speed in m/min; numbers or arrays.
+    """
     # Tertiary wear: beyond its limit, the rate grows exponentially with the wear.
-    factor = exp(p.tertiary_rate[i] * max(wear - p.tertiary_wear[i], 0.0))
+    beyond = wear - phases.tertiary_wear
+    factor = exp(phases.tertiary_rate * where(beyond > 0.0, beyond, 0.0))
     # Running in: a sharp edge wears faster.
-    factor *= 1.0 + p.running_in[i] * exp(-wear / p.running_in_wear[i])
+    factor = factor * (1.0 + phases.running_in * exp(-wear / phases.running_in_wear))
     # Built-up edge: a bell over the logarithm of the cutting speed.
-    off = (log_cutting_speed - p.log_built_up_speed[i]) / p.built_up_width[i]
-    factor *= 1.0 + p.built_up_edge[i] * exp(-off * off)
-    return before + (after - before) * factor
+    off = (log_cutting_speed - phases.log_built_up_speed) / phases.built_up_width
+    return factor * (1.0 + phases.built_up_edge * exp(-off * off))
 
 
 @compiled
