@@ -8,6 +8,7 @@ critics in training only.
 import math
 from collections.abc import Callable
 from functools import partial
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -18,8 +19,10 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from baselines.belief import at_end, with_final
+from baselines.models.kalman_steps import distance_moved
+from baselines.models.load_filter import travel_numbers_of
 from train.actor import Actor
-from train.analytic_actor import ACTUAL, COMMANDED, TargetCommands, Tensor
+from train.analytic_actor import ACTUAL, COMMANDED, SpeedAndFeed, TargetCommands, Tensor
 from turning_env import Scenario
 from turning_env.physics.quantities import OBS, layout
 from turning_env.scenario.family import CHUNK, DrawnJobs, Family
@@ -34,9 +37,12 @@ class DistanceTracker:
 
     Observations determine the position, but do not contain it. The travelled distance is a sum of
     cutting speed times feed over sub-steps, and both follow their commands with known lags. So two
-    observations and the drawing's geometry give the position exactly, as in
-    ``baselines/models/kalman_steps.py``. If the position contradicts the entry ``cutting``, it is
-    corrected.
+    observations and the drawing's geometry give the position exactly. The load filter follows the
+    tool by the same equation (``baselines/models/kalman_steps.py``).
+
+    If the position contradicts the entry ``cutting``, it is corrected. That is not the filter's
+    ``on_track``, which branches: a file of a trained agent holds tensor operations only, and
+    trained agents know readings of the position as they are corrected here.
 
     The state, shape (num_envs, STATES), is 0 before an episode's first observation. Its columns are
     the position from the start of the approach [mm], and cutting speed [m/min] and feed [mm/rev] at
@@ -47,26 +53,10 @@ class DistanceTracker:
     READINGS = 2
 
     def __init__(self, scenario: Scenario) -> None:
-        control = scenario.control
-        work = scenario.workpiece
         self._commands = TargetCommands(scenario)
-        self._approach = work.approach  # [mm]
-        self._pitch = work.bar_length + work.approach  # from bar to bar [mm]
-        # Feed velocity [mm/s] of a cutting speed of 1 m/min with a feed of 1 mm/rev.
-        self._per_second = 1000.0 / (60.0 * math.pi * work.diameter)
-        self._interval = control.interval
-
-        # Drives approach their commands exponentially: a share exp(-t / lag) of the deviation at
-        # the interval's start is left after a time t. The environment sums over its sub-steps.
-        step = control.interval / control.sub_steps
-        times = [step * (number + 1) for number in range(control.sub_steps)]
-        speed_left = _shares_left(times, scenario.machine.spindle_time_constant)
-        feed_left = _shares_left(times, scenario.machine.feed_time_constant)
-        both_left = [speed * feed for speed, feed in zip(speed_left, feed_left, strict=True)]
-        # Each is the integral over an interval of what is left of a deviation [s].
-        self._speed_integral = step * sum(speed_left)
-        self._feed_integral = step * sum(feed_left)
-        self._both_integral = step * sum(both_left)
+        self._model = SimpleNamespace(**travel_numbers_of(scenario))
+        self._approach: float = self._model.approach  # [mm]
+        self._pitch: float = self._model.pitch  # from bar to bar [mm]
 
     def __call__(self, observation: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
         """Return readings of order one, shape (num_envs, READINGS), and the next state.
@@ -78,32 +68,23 @@ class DistanceTracker:
         position, last_speed, last_feed = state.unbind(dim=-1)
         speed, feed = self._commands.speed_and_feed(observation, ACTUAL)
 
-        travel = self._travel(observation, last_speed, last_feed)
+        commanded_speed, commanded_feed = self._commands.speed_and_feed(observation, COMMANDED)
+        travel = distance_moved(
+            self._model,
+            memory=SpeedAndFeed(last_speed, last_feed),
+            reading=SimpleNamespace(
+                commanded_cutting_speed=commanded_speed, commanded_feed=commanded_feed
+            ),
+        )
         position = position + torch.where(last_speed > 0.0, travel, 0.0)
         position = torch.where(position >= self._pitch, position - self._pitch, position)
         position = self._corrected(position, observation[..., OBS.cutting] > 0.5)
 
-        time_left = (self._pitch - position) / (speed * feed * self._per_second)
+        time_left = (self._pitch - position) / (speed * feed * self._model.velocity)
         position_reading = 2.0 * position / self._pitch - 1.0
         time_reading = 2.0 * time_left.clamp(max=MAX_TIME) / MAX_TIME - 1.0
         readings = torch.stack([position_reading, time_reading], dim=-1)
         return readings, torch.stack([position, speed, feed], dim=-1)
-
-    def _travel(self, observation: Tensor, last_speed: Tensor, last_feed: Tensor) -> Tensor:
-        """Return the distance travelled since the last observation [mm].
-
-        The product of speed and feed, each its command plus what is left of its deviation, is
-        integrated over the interval.
-        """
-        commanded_speed, commanded_feed = self._commands.speed_and_feed(observation, COMMANDED)
-        speed_deviation = last_speed - commanded_speed
-        feed_deviation = last_feed - commanded_feed
-        at_commands = self._interval * commanded_speed * commanded_feed
-        by_speed = commanded_feed * speed_deviation * self._speed_integral
-        by_feed = commanded_speed * feed_deviation * self._feed_integral
-        by_both = speed_deviation * feed_deviation * self._both_integral
-        travel: Tensor = at_commands + by_speed + by_feed + by_both
-        return travel * self._per_second
 
     def _corrected(self, position: Tensor, cutting: Tensor) -> Tensor:
         """Return positions that agree with whether the tool cuts: the nearest that do."""
@@ -115,11 +96,6 @@ class DistanceTracker:
         # In air, the tool is somewhere in the approach.
         in_metal = position > self._approach
         return torch.where(~cutting & in_metal, 0.5 * self._approach, position)
-
-
-def _shares_left(times: list[float], lag: float) -> list[float]:
-    """Return the share of a drive's deviation that is left at some times [s], for its lag [s]."""
-    return [math.exp(-time / lag) if lag > 0.0 else 0.0 for time in times]
 
 
 class AgentInputs:

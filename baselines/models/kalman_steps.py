@@ -1,6 +1,7 @@
 """The compiled equations of the load filter, one environment at a time.
 
-``load_filter.py`` describes the states and is the interface; nothing else should call this file. In
+``load_filter.py`` describes the states and is the interface; nothing else should call this file,
+except for ``distance_moved``, by which agents follow the tool, too (``train/agent_inputs.py``). In
 all functions, ``model`` is a record of the nominal model (``load_filter.numbers_of``), ``memory``
 one of ``MEMORY``, and ``mean`` and ``covariance`` are the estimate, of shapes (STATES,) and
 (STATES, STATES).
@@ -307,7 +308,15 @@ def forget(mean, covariance, first, last, model):
 
 @compiled
 def distance_moved(model, memory, reading):
-    """Return the distance since the last reading [mm], by the drives' response to commands."""
+    """Return the distance since the last reading [mm], by the drives' response to commands.
+
+    Numbers, arrays or tensors of PyTorch.
+
+    Args:
+        model: has ``load_filter.travel_numbers_of``.
+        memory: has ``speed`` [m/min] and ``feed`` [mm/rev] at the last reading.
+        reading: has the commands since then.
+    """
     # Speed and feed approach their commands V and f from V + dV and f + df, as first-order lags.
     # With the shares r and s that remain in a sub-step, the distance is the sum over sub-steps of
     #     (V + dV r) (f + df s) = V f + dV f r + V df s + dV df r s

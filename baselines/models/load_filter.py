@@ -336,6 +336,32 @@ class LoadFilter:
         return outlook
 
 
+def travel_numbers_of(scenario: Scenario) -> dict[str, float]:
+    """Return the numbers of a nominal model by which ``distance_moved`` follows the tool."""
+    control = scenario.control
+    machine = scenario.machine
+    work = scenario.workpiece
+    # Shares of a deviation of the drives that remain in the sub-steps of a step.
+    sub_step = control.interval / control.sub_steps
+    times = sub_step * np.arange(1.0, control.sub_steps + 1.0)
+    spindle_left = np.vectorize(decay)(times, machine.spindle_time_constant)
+    feed_left = np.vectorize(decay)(times, machine.feed_time_constant)
+    return {
+        "approach": work.approach,  # [mm]
+        "bar_length": work.bar_length,  # [mm]
+        "pitch": work.bar_length + work.approach,  # [mm]
+        # Feed velocity [mm/s] per cutting speed [m/min] and feed [mm/rev]: ``feed_velocity_at`` in
+        # another order, whose last bits recorded actions have.
+        "velocity": 1000.0 / (60.0 * math.pi * work.diameter),
+        "sub_step": sub_step,  # [s]
+        # Sums over the sub-steps of a step.
+        "spindle_left": float(spindle_left.sum()),
+        "feed_left": float(feed_left.sum()),
+        "both_left": float((spindle_left * feed_left).sum()),
+        "sub_steps": control.sub_steps,
+    }
+
+
 def numbers_of(scenario: Scenario, errors: bool) -> dict[str, Any]:
     """Return the numbers of a nominal model, which may have ``errors``, for ``kalman_steps.py``."""
     control = scenario.control
@@ -365,18 +391,8 @@ def numbers_of(scenario: Scenario, errors: bool) -> dict[str, Any]:
     prior[:HISTORY] = [depth_spread, depth_slope, log_hardness_spread, hardness_slope, insert]
     noise = np.square([sensors.force_noise, sensors.power_noise]) + np.square(READING_DEVIATION)
 
-    # Shares of a deviation of the drives that remain in the sub-steps of a step.
-    sub_step = control.interval / control.sub_steps
-    times = sub_step * np.arange(1.0, control.sub_steps + 1.0)
-    spindle_left = np.vectorize(decay)(times, scenario.machine.spindle_time_constant)
-    feed_left = np.vectorize(decay)(times, scenario.machine.feed_time_constant)
-    return {
+    return travel_numbers_of(scenario) | {
         "depth_of_cut": work.depth_of_cut,  # [mm]
-        "approach": work.approach,  # [mm]
-        "bar_length": work.bar_length,  # [mm]
-        "pitch": work.bar_length + work.approach,  # [mm]
-        # Feed velocity [mm/s] per cutting speed [m/min] and feed [mm/rev].
-        "velocity": 1000.0 / (60.0 * math.pi * work.diameter),
         # Rates of the correlations of depth and hardness [1/mm].
         "depth_rate": depth_slope / depth_spread if depth_spread > 0.0 else 0.0,
         "hardness_rate": hardness_slope / log_hardness_spread if log_hardness_spread > 0.0 else 0.0,
@@ -409,12 +425,6 @@ def numbers_of(scenario: Scenario, errors: bool) -> dict[str, Any]:
         "lags": [sensors.force_time_constant, sensors.power_time_constant],
         "noise": noise + np.square(MISFIT) if errors else noise,
         "interval": control.interval,  # [s]
-        "sub_step": sub_step,  # [s]
-        # Sums over the sub-steps of a step.
-        "spindle_left": spindle_left.sum(),
-        "feed_left": feed_left.sum(),
-        "both_left": (spindle_left * feed_left).sum(),
-        "sub_steps": control.sub_steps,
         "wear_criterion": tool.wear_criterion,  # [mm]
         "idle_power": idle_power_at(scenario, 1.0),  # [kW] per cutting speed
     }
