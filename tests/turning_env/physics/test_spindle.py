@@ -15,12 +15,11 @@ from turning_env.action import set_point_action
 from turning_env.physics.spindle import (
     allowed_share,
     capacity,
-    capacity_at,
     cool_down,
     heat_up,
     idle_power,
-    idle_power_at,
 )
+from turning_env.scenario.laws import capacity_at, idle_power_at
 
 _POWER = UNDISTURBED.material.power.model_dump() | {"wear": 0.0}
 STEADY = changed(UNDISTURBED, control={"interval": 1.0}, material={"power": _POWER})
