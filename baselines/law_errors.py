@@ -20,7 +20,7 @@ from baselines.models.load_filter import LawErrors
 from baselines.rule import Array
 from turning_env import Family, ScenarioError
 from turning_env.console import Parser, described, exits
-from turning_env.files import replace_file
+from turning_env.files import write_file
 from turning_env.numerics.functions import log
 from turning_env.numerics.wear_term import log_wear_term, wear_term_slope
 from turning_env.scenario.family import CHUNK, DrawnJobs
@@ -120,7 +120,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     }
     # One row of the covariance in a line.
     text = json.dumps(values).replace("], [", "],\n[") + "\n"
-    replace_file(FILE, lambda path: path.write_text(text, "utf-8"))
+    write_file(FILE, text)
     return 0
 
 

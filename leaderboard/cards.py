@@ -17,9 +17,10 @@ from leaderboard.agents.agent_file import ONNX_SUFFIX, AgentFile, Space, family_
 from leaderboard.inputs import CLASSES, RUN_TIME_INPUTS, TRAINING_INPUTS, Inputs
 from leaderboard.policies import SUMS
 from leaderboard.ranking import Leaderboard, read_leaderboard
-from leaderboard.result import ResultError, result_files, result_folder, write_whole
+from leaderboard.result import ResultError, result_files, result_folder
 from leaderboard.shown import MAX_VALUES, fenced, few, markdown_text
 from turning_env import FAMILY_ID, SPLITS
+from turning_env.files import write_file
 
 COLUMNS = (
     *columns.RETURNS,
@@ -60,14 +61,12 @@ def write_all(results: Path, agents: Path) -> list[Path]:
                 policy for label, policy in played.items() if leaderboard.names[label] == standing
             ]
             card = folder / f"{name}.md"
-            write_whole(
-                card, render(files[0], trainings, leaderboard, across=across, folder=folder)
-            )
+            write_file(card, render(files[0], trainings, leaderboard, across=across, folder=folder))
             cards.append(card)
             for policy in trainings:
                 file_name = f"{env_id}/{home}/{policy.label}{ONNX_SUFFIX}"
                 sums.append(f"{policy.sha256}  {file_name}\n")
-    write_whole(agents / SUMS, "".join(sums))
+    write_file(agents / SUMS, "".join(sums))
     return cards
 
 

@@ -24,7 +24,6 @@ from leaderboard.result import (
     result_folder,
     shipped_seeds,
     start_results,
-    write_whole,
 )
 from leaderboard.seeds import held_out_seeds
 from leaderboard.shared_options import (
@@ -49,7 +48,7 @@ from turning_env.console import (
     printable,
     whole_number,
 )
-from turning_env.files import digest_of
+from turning_env.files import digest_of, write_file
 from turning_env.scenario.arguments import environment_id
 
 PAGE = "index.html"
@@ -641,7 +640,7 @@ def _notify_left_out(leaderboards: Sequence[Leaderboard]) -> None:
 def _write_page(leaderboards: Sequence[Leaderboard], path: Path) -> None:
     from leaderboard import page  # needed only here: imports Jinja2
 
-    write_whole(path, page.render(leaderboards))
+    write_file(path, page.render(leaderboards))
 
 
 def _add_json(parser: argparse.ArgumentParser) -> None:

@@ -26,10 +26,10 @@ from leaderboard.result import (
     result_folder,
     write_manifest,
     write_part,
-    write_whole,
 )
 from leaderboard.scoring import FOLDER, SHIPPED_FIELDS, SPLIT
 from turning_env import FAMILY_ID, IDS
+from turning_env.files import write_file
 from turning_env.scenario.family import DRAFTS, families
 
 DIGITS = 2  # decimals of the times [s] in the wheel
@@ -128,6 +128,6 @@ def write_shipped(texts: Mapping[Path, str]) -> list[Path]:
         # Compare texts: another version of xz may compress the same text to other bytes.
         if path.is_file() and lzma.decompress(path.read_bytes()) == content:
             continue
-        write_whole(path, lzma.compress(content, preset=9 | lzma.PRESET_EXTREME))
+        write_file(path, lzma.compress(content, preset=9 | lzma.PRESET_EXTREME))
         written.append(path)
     return written

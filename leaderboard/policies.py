@@ -113,21 +113,25 @@ def is_code(policy: PolicySpec) -> bool:
 def oracles(scenario: Scenario) -> list[PolicySpec]:
     """Return the clairvoyant bound and the causal oracle of a scenario, as far as they cover it."""
     known = []
-    if clairvoyant.covers(scenario):
-        grid = clairvoyant.GRID._asdict()
-        known.append(
-            PolicySpec(
-                name=CLAIRVOYANT,
-                kind="oracle",
-                description="bound: every bar known beforehand, nothing lags or breaks",
-                parameters={name: float(value) for name, value in grid.items()},
-                compute=_bound,
-            )
-        )
-    causal = _causal(scenario)
-    if causal is not None:
-        known.append(causal)
+    for oracle_of in ORACLES.values():
+        oracle = oracle_of(scenario)
+        if oracle is not None:
+            known.append(oracle)
     return known
+
+
+def _clairvoyant(scenario: Scenario) -> PolicySpec | None:
+    """Return the clairvoyant bound of a scenario; None if it does not cover the scenario."""
+    if not clairvoyant.covers(scenario):
+        return None
+    grid = clairvoyant.GRID._asdict()
+    return PolicySpec(
+        name=CLAIRVOYANT,
+        kind="oracle",
+        description="bound: every bar known beforehand, nothing lags or breaks",
+        parameters={name: float(value) for name, value in grid.items()},
+        compute=_bound,
+    )
 
 
 def _causal(scenario: Scenario) -> PolicySpec | None:
@@ -164,6 +168,13 @@ def _causal(scenario: Scenario) -> PolicySpec | None:
             compute=_play_blanks,
         )
     return None
+
+
+ORACLES: dict[str, Callable[[Scenario], PolicySpec | None]] = {
+    CLAIRVOYANT: _clairvoyant,
+    CAUSAL: _causal,
+}
+"""What returns the oracle of a scenario, by the oracle's name."""
 
 
 def _play_blanks(
@@ -210,16 +221,16 @@ def named(
         ResultError: there is none of that name (the message lists the names), or it is not tuned
             for the scenario.
     """
-    known = _known_names(task)
-    unknown = sorted(set(names or ()) - set(known))
+    unknown = sorted(name for name in set(names or ()) if not _can_play(name, task))
     if unknown:
+        known = _known_names(task)
         instead = names_instead(unknown[0], known, max_listed=len(known))
         raise ResultError(f"no policy is called {', '.join(unknown)}; {instead}")
-    if names is None:
-        names = known
-        if task.of_family:
-            is_variant = forgets or knows != "nominal"
-            names = family.VARIED if is_variant else family.POLICIES
+    if names is None and task.of_family:
+        is_variant = forgets or knows != "nominal"
+        names = family.VARIED if is_variant else family.POLICIES
+    elif names is None:
+        names = _known_names(task)
 
     specs = []
     untuned = []
@@ -237,6 +248,19 @@ def named(
             f"`{tuned.command_of(untuned, home)}` tunes them"
         )
     return specs
+
+
+def _can_play(name: str, task: Task) -> bool:
+    """Return whether a controller or an oracle of this name can play a task."""
+    scenario = task.scenario
+    if task.of_family:
+        jobs = family.family_of(task)
+        if name in family.extra_names(jobs):
+            return True
+        scenario = jobs.job(0).scenario
+    elif name in ORACLES:
+        return ORACLES[name](scenario) is not None
+    return name in catalogue.RULES and catalogue.RULES[name].plays(scenario)
 
 
 def _known_names(task: Task) -> list[str]:
@@ -270,8 +294,9 @@ def one_named(
     try:
         if task.of_family:
             return family.rule(name, task, knows=knows, forgets=forgets)
-        for oracle in oracles(task.scenario):
-            if oracle.name == name:
+        if name in ORACLES:
+            oracle = ORACLES[name](task.scenario)
+            if oracle is not None:
                 return oracle
         return catalogue.spec(name, task.scenario, tuned_on)
     except (KeyError, ValueError) as error:

@@ -46,7 +46,7 @@ from baselines.policy_spec import Digest, PolicySpec, ScenarioId
 from leaderboard.notices import notify_once
 from leaderboard.play import EPISODE_FIELDS, EXCESS_TIMES, Episodes
 from turning_env import MODEL_VERSION
-from turning_env.files import digest_of, read_regular, replace_file
+from turning_env.files import digest_of, read_regular, write_file
 from turning_env.scenario import PortableScenario
 from turning_env.scenario.family import Family
 
@@ -461,7 +461,7 @@ def write_manifest(folder: Path, task: Task) -> None:
     text = Manifest(task=task, results=entries).text()
     path = folder / MANIFEST_FILE
     if not path.is_file() or path.read_bytes() != text.encode():
-        write_whole(path, text)
+        write_file(path, text)
 
 
 def start_results(folder: Path, task: Task) -> None:
@@ -477,9 +477,9 @@ def start_results(folder: Path, task: Task) -> None:
         return
     for path in source.glob("[!.]*.xz"):
         if not (folder / path.name).exists():
-            write_whole(folder / path.name, path.read_bytes())
+            write_file(folder / path.name, path.read_bytes())
     # The manifest comes last: a folder that has one is complete.
-    write_whole(folder / MANIFEST_FILE, manifest.read_bytes())
+    write_file(folder / MANIFEST_FILE, manifest.read_bytes())
 
 
 def shipped_seeds(env_id: str, scenario_name: str) -> int | None:
@@ -577,7 +577,7 @@ def write_part(part: Part, path: Path) -> None:
         raise ResultError(f"{path} would hold {len(content)} bytes, but may hold {MAX_BYTES}")
     if path.name.endswith(".xz"):
         content = _compressed(content)
-    write_whole(path, content)
+    write_file(path, content)
 
 
 def _compressed(content: bytes) -> bytes:
@@ -593,12 +593,6 @@ def _compressed(content: bytes) -> bytes:
         "dict_size": dictionary,
     }
     return lzma.compress(content, filters=[strongest])
-
-
-def write_whole(path: Path, content: str | bytes) -> None:
-    """Write a file whole or not at all; make its folder."""
-    encoded = content.encode() if isinstance(content, str) else content
-    replace_file(path, lambda partial: partial.write_bytes(encoded))
 
 
 def _complaint(error: ValidationError) -> str:

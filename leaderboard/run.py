@@ -5,19 +5,20 @@ processes or a cluster belongs to ``leaderboard.workers``.
 """
 
 import dataclasses
-import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+from tqdm import tqdm
 
 from baselines.comparators import CAUSAL, comparators
 from baselines.policy_spec import PolicySpec
-from leaderboard.adapt import place_in_module
 from leaderboard.notices import notify_once
-from leaderboard.play import Episodes, play
-from leaderboard.policies import is_code, is_of_another, reason_of
+from leaderboard.pieces import Attempt, Piece, attempt, failure, record_piece
+from leaderboard.play import Episodes
+from leaderboard.policies import is_code, is_of_another
 from leaderboard.ranking import Leaderboard, read_if_usable, read_leaderboard
 from leaderboard.result import (
     TRAJECTORIES_FILE,
@@ -28,57 +29,15 @@ from leaderboard.result import (
     write_manifest,
     write_part,
     write_result,
-    write_whole,
 )
 from leaderboard.seeds import held_out_seeds
-from leaderboard.trajectories import MAX_RECORDED, RECORDED_SEEDS, Trajectories, Trajectory, record
+from leaderboard.trajectories import MAX_RECORDED, RECORDED_SEEDS, Trajectories, Trajectory
 from leaderboard.workers import Workers, spread
-from turning_env import Scenario
-from turning_env.console import printable
-from turning_env.files import folder_lock
-from turning_env.progress import progress
+from turning_env.files import folder_lock, write_file
+from turning_env.progress import Counter, progress
 
 MIN_KEY = 16  # characters of a private key: who sees results must not find it by trying
 MIN_DISTANCE = 1_000_000  # of private seeds from public ones: no key gives public seeds
-
-
-class Piece(NamedTuple):
-    """A piece of work: a policy that plays some seeds of a scenario."""
-
-    policy: PolicySpec
-    scenario: Scenario
-    seeds: Sequence[int]
-
-
-Attempt = Episodes | ResultError
-"""The episodes of a piece, or why its policy cannot play."""
-
-
-def attempt(piece: Piece, on_step: Callable[[int], None] = lambda ended: None) -> Attempt:
-    """Play a piece, or return why its policy cannot play, so that others go on."""
-    policy, scenario, seeds = piece
-    try:
-        if policy.compute is not None:
-            return dict(policy.compute(scenario, seeds, on_step))
-        return play(policy.make, scenario, seeds, on_step, tell=policy.kind == "oracle")
-    except Exception as error:
-        return _failure(policy, "cannot play", error)
-
-
-def _failure(policy: PolicySpec, what_failed: str, error: Exception) -> ResultError:
-    """Return why a policy has failed.
-
-    Raise the error if it is a fault of the project: that of a rule, unless it is a ValueError.
-    """
-    if isinstance(error, ValueError):
-        place = place_in_module(error, policy.command)
-        return ResultError(f"{policy.label} {what_failed}: {printable(str(error))}{place}")
-    if policy.kind != "agent":
-        raise error
-    # An agent, or a policy of one's own code, may raise anything, and must not stop the others.
-    frame = traceback.extract_tb(error.__traceback__)[-1]
-    place = f"{frame.filename}, line {frame.lineno}"
-    return ResultError(f"{policy.label} {what_failed}: {reason_of(error)} ({place})")
 
 
 @dataclass(frozen=True)
@@ -191,18 +150,12 @@ def _play_missing(
     failed: dict[_Place, ResultError] = {}
     # miniters=0 redraws the bar while no episode ends.
     with progress(total=total, initial=done, unit="episode", miniters=0, dynamic_ncols=True) as bar:
-
-        def play_here(piece: Piece) -> Attempt:
-            def on_step(ended: int) -> None:
-                bar.update(done + ended - bar.n)
-
-            bar.set_description_str(piece.policy.label)
-            return attempt(piece, on_step)
-
-        for tag, played in spread(over, attempt if over else play_here, pieces):
+        for tag, played in _attempts(pieces, over, bar):
             run, policy = tag
-            result = played
-            if not isinstance(played, ResultError):
+            result: Result | ResultError
+            if isinstance(played, ResultError):
+                result = played
+            else:
                 result = _result(run.task, policy, played)
             if isinstance(result, ResultError):
                 failed[_Place(run.folder, policy.label)] = result
@@ -213,6 +166,18 @@ def _play_missing(
             done += len(run.seeds)
             bar.update(done - bar.n)
     return failed
+
+
+def _attempts(
+    pieces: Sequence[tuple[_Tag, Piece]], over: Workers | None, bar: "tqdm[Any]"
+) -> Iterator[tuple[_Tag, Attempt]]:
+    """Yield what each piece gives as it ends. In this process, the bar shows every episode."""
+    if over is not None:
+        yield from spread(over, attempt, pieces)
+        return
+    for tag, piece in pieces:
+        bar.set_description_str(piece.policy.label)
+        yield tag, attempt(piece, on_step=Counter(bar))
 
 
 def _pieces(runs: Sequence[TaskRun], fresh: bool) -> list[tuple[_Tag, Piece]]:
@@ -235,7 +200,7 @@ def _result(task: Task, policy: PolicySpec, episodes: Episodes) -> Result | Resu
     try:
         return Result.of(task, policy, episodes)
     except ValueError as error:
-        return _failure(policy, "has played, but its episodes are no result", error)
+        return failure(policy, "has played, but its episodes are no result", error)
 
 
 def _admitted(run: TaskRun, replace_others: bool) -> tuple[TaskRun, list[ResultError]]:
@@ -269,7 +234,7 @@ def _finished(run: TaskRun) -> set[str]:
         ResultError: the folder holds public results and the seeds are private, or the reverse.
     """
     with folder_lock(run.folder, wait=True):
-        write_whole(run.folder / "writable", "")
+        write_file(run.folder / "writable", "")
         (run.folder / "writable").unlink(missing_ok=True)
     policies = {policy.label: policy for policy in run.policies}
     finished = set()
@@ -323,7 +288,7 @@ def _record_trajectories(run: TaskRun, fresh: bool, over: Workers | None) -> lis
     trajectories = recordings.present
     try:
         with progress(total=len(pieces), unit="recording", dynamic_ncols=True) as bar:
-            for recording, recorded in spread(over, _trajectory, pieces):
+            for recording, recorded in spread(over, record_piece, pieces):
                 if isinstance(recorded, ResultError):
                     complaints.append(recorded)
                 else:
@@ -381,12 +346,3 @@ def _recorded_names(leaderboard: Leaderboard) -> list[str]:
         best = {standing.name for standing in ranked[:MAX_RECORDED]}
     recorded = best | always | {standing.name for standing in standings if standing.about.own}
     return [standing.name for standing in standings if standing.name in recorded]
-
-
-def _trajectory(piece: Piece) -> Trajectory | ResultError:
-    """Record the episode of a piece's only seed, or return why the policy cannot play it."""
-    (seed,) = piece.seeds
-    try:
-        return record(piece.policy, piece.scenario, seed)
-    except Exception as error:
-        return _failure(piece.policy, f"cannot play seed {seed}", error)

@@ -10,10 +10,10 @@ from baselines.comparators import CAUSAL, comparators
 from baselines.policy_spec import PolicySpec
 from leaderboard.family import family_task
 from leaderboard.pack import Board, boards, returns_text, write_shipped
+from leaderboard.pieces import Piece, attempt
 from leaderboard.policies import named
 from leaderboard.ranking import read_leaderboard
 from leaderboard.result import Result, ResultError, Task
-from leaderboard.run import Piece, attempt
 from leaderboard.scoring import VALIDATION_FOLDER, VALIDATION_SEEDS
 from leaderboard.seeds import tuning_seeds
 from leaderboard.standings import best_rule

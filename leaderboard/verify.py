@@ -20,6 +20,7 @@ from tqdm import tqdm
 from baselines.oracles import clairvoyant
 from baselines.policy_spec import PolicySpec, ScenarioId
 from leaderboard.family import family_of
+from leaderboard.pieces import Attempt, Piece, attempt
 from leaderboard.play import Episodes
 from leaderboard.policies import CLAIRVOYANT, agent_files, agents, one_named
 from leaderboard.result import (
@@ -32,12 +33,10 @@ from leaderboard.result import (
     ResultError,
     read_part,
     read_results,
-    write_whole,
 )
-from leaderboard.run import Attempt, Piece, attempt
 from leaderboard.workers import Workers, spread
 from turning_env import MODEL_VERSION, Scenario, presets
-from turning_env.files import read_regular
+from turning_env.files import read_regular, write_file
 from turning_env.progress import progress
 
 _KEY_BITS = 63
@@ -175,7 +174,7 @@ def verify(
             complaints += [_complaint(path, fault) for fault in faults]
             if not faults and draw is None:
                 came_back.add(result.checksum)
-                write_whole(memory, json.dumps(sorted(came_back), indent=1) + "\n")
+                write_file(memory, json.dumps(sorted(came_back), indent=1) + "\n")
     if draw is None:
         memory.unlink(missing_ok=True)
     return sorted(complaints)

@@ -33,7 +33,7 @@ from leaderboard.inputs import Inputs
 from leaderboard.statistics import CONFIDENCE, KEY, RESAMPLES
 from train.run import Run
 from turning_env.console import Parser, described, exits
-from turning_env.files import read_regular, replace_file
+from turning_env.files import read_regular, write_file
 from turning_env.rendering import plot_style as style
 
 FILE = "learning_curves.json"
@@ -117,7 +117,7 @@ class Trainings(BaseModel):
             f' "scenario": {self.scenario.model_dump_json()},\n'
             ' "trainings": {\n' + ",\n".join(lines) + "\n }\n}\n"
         )
-        replace_file(path, lambda partial: partial.write_text(text, "utf-8"))
+        write_file(path, text)
 
 
 class Curve(NamedTuple):

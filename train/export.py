@@ -53,7 +53,7 @@ from train.training import load_actor, stating_information
 from turning_env import ALL_IDS, Family, Scenario
 from turning_env.console import Parser, described, exits
 from turning_env.family_env import vector_env
-from turning_env.files import replace_file
+from turning_env.files import write_file
 from turning_env.policy import Policy
 from turning_env.scenario.arguments import environment_id
 
@@ -108,7 +108,7 @@ class _Agent:
                 raise ValueError(f"its file acts otherwise, by up to {differences.largest:g}")
         except ValueError as error:
             raise ValueError(f"{self.source} cannot be exported: {error}") from error
-        replace_file(path, lambda partial: partial.write_bytes(file.content))
+        write_file(path, file.content)
         return {
             "path": str(path),
             "digest": file.digest,

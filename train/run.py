@@ -14,7 +14,7 @@ from typing import Any
 from baselines.policy_spec import ScenarioId
 from leaderboard.agents.agent_file import family_of
 from turning_env import FAMILY_ID, IDS, Family, Scenario
-from turning_env.files import read_regular, replace_file
+from turning_env.files import read_regular, write_file
 from turning_env.scenario.arguments import refuse_family
 from turning_env.scenario.section import names_instead
 
@@ -326,4 +326,4 @@ class Run:
         values = vars(self) | {"scenario": self.scenario.model_dump()}
         del values["folder"]
         text = json.dumps(values, indent=1)
-        replace_file(path, lambda partial: partial.write_text(text, "utf-8"))
+        write_file(path, text)

@@ -41,7 +41,7 @@ from leaderboard.statistics import Bootstrap, severe_share
 from leaderboard.workers import Workers, spread, workers
 from turning_env import MODEL_VERSION, Scenario, presets
 from turning_env.console import described, exits, positive
-from turning_env.files import file_lock, folder_lock, read_regular, replace_file
+from turning_env.files import file_lock, folder_lock, read_regular, write_file
 from turning_env.progress import progress
 
 BUDGET = {"trials": 64, "seeds": 32}
@@ -468,7 +468,7 @@ def tune_rules(parsed: argparse.Namespace) -> int:
                 "rules": {name: entries[name] for name in RULES if name in entries},
             }
             text = json.dumps(values, indent=1) + "\n"
-            replace_file(target, lambda path: path.write_text(text, "utf-8"))
+            write_file(target, text)
         for log in logs.values():
             log.unlink(missing_ok=True)
     print(target)

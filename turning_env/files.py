@@ -89,6 +89,16 @@ def replace_file(target: Path, write: Callable[[Path], object]) -> None:
         raise
 
 
+def write_file(target: Path, content: str | bytes) -> None:
+    """Write a file whole or not at all, a text in UTF-8; see ``replace_file``."""
+    encoded = content.encode() if isinstance(content, str) else content
+
+    def write(partial: Path) -> None:
+        partial.write_bytes(encoded)
+
+    replace_file(target, write)
+
+
 def digest_of(value: Any) -> str:
     """Return the SHA-256 of a value that JSON can hold."""
     return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()

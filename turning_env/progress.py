@@ -44,6 +44,18 @@ class Lines(tqdm):  # type: ignore[type-arg]
         super().close()
 
 
+class Counter:
+    """Sets a bar to numbers that are counted from where it stands now."""
+
+    def __init__(self, bar: "tqdm[Any]") -> None:
+        self._bar = bar
+        self._start = bar.n
+
+    def __call__(self, count: int) -> None:
+        """Show that ``count`` steps were done since this counter was made."""
+        self._bar.update(self._start + count - self._bar.n)
+
+
 def progress(*args: Any, **options: Any) -> "tqdm[Any]":
     """Return a progress bar with tqdm's arguments; without a terminal, it prints lines.
 

@@ -46,7 +46,7 @@ from train.run import ALGORITHMS, Run, hyperparameters, trained_on
 from train.training import SEEDS, algorithm_of, load_agent, train
 from turning_env import FAMILY_ID, IDS, MODEL_VERSION, SPLITS, Family, Scenario
 from turning_env.console import UserError, described, exits, positive
-from turning_env.files import digest_of, replace_file
+from turning_env.files import digest_of, write_file
 from turning_env.scenario.scenario import flat
 
 FOLDER = Path(__file__).parent
@@ -393,7 +393,7 @@ def _cached(runs: Path, identity: list[Any], work: Callable[[], Episodes]) -> Ep
         for field, values in work().items():
             lists[field] = values.tolist()
         content = json.dumps(lists)
-        replace_file(path, lambda partial_path: partial_path.write_text(content, "utf-8"))
+        write_file(path, content)
     kept = json.loads(path.read_text("utf-8"))
     return {field: np.array(values) for field, values in kept.items()}
 

@@ -14,10 +14,10 @@ from baselines.policy_spec import PolicySpec, ScenarioId
 from leaderboard import cards, page, policies
 from leaderboard.__main__ import main
 from leaderboard.agents import agent_file
+from leaderboard.pieces import Piece, attempt
 from leaderboard.policies import SUMS
 from leaderboard.ranking import Leaderboard, rank
 from leaderboard.result import Result, Task, result_folder, write_result
-from leaderboard.run import Piece, attempt
 from tests.leaderboard.agents import onnx_agents
 from tests.leaderboard.conftest import ENV_ID, on
 from turning_env import Scenario

@@ -18,6 +18,7 @@ from baselines.comparators import CAUSAL, NOMINAL_OPTIMUM, NOMINAL_SHARE
 from baselines.policy_spec import PolicySpec
 from leaderboard.__main__ import main
 from leaderboard.family import KNOWN_FORMS, FamilyPlay, family_task
+from leaderboard.pieces import Piece, attempt
 from leaderboard.policies import named, one_named
 from leaderboard.ranking import rank
 from leaderboard.result import (
@@ -30,7 +31,6 @@ from leaderboard.result import (
     read_results,
     result_folder,
 )
-from leaderboard.run import Piece, attempt
 from leaderboard.standings import Standing
 from leaderboard.statistics import Estimate, Floats
 from leaderboard.trajectories import Trajectories

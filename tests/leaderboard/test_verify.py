@@ -12,6 +12,7 @@ from baselines.comparators import CAUSAL
 from baselines.policy_spec import PolicySpec
 from leaderboard import policies, verify
 from leaderboard.__main__ import main
+from leaderboard.pieces import Piece, attempt
 from leaderboard.policies import CLAIRVOYANT
 from leaderboard.result import (
     MANIFEST_FILE,
@@ -21,7 +22,6 @@ from leaderboard.result import (
     write_manifest,
     write_result,
 )
-from leaderboard.run import Piece, attempt
 from leaderboard.verify import Draw, Selection
 from tests.leaderboard.agents import onnx_agents
 from tests.leaderboard.conftest import ENV_ID, MakeResult, on, only, spec

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from turning_env.files import folder_lock, read_regular, replace_file
+from turning_env.files import folder_lock, read_regular, replace_file, write_file
 
 
 def test_target_is_replaced_once_it_is_whole(tmp_path: Path) -> None:
@@ -136,3 +136,10 @@ def test_a_link_is_refused_where_it_must_not_be_followed(tmp_path: Path) -> None
     (tmp_path / "link").symlink_to(tmp_path / "file")
     with pytest.raises(OSError, match="is a link"):
         read_regular(tmp_path / "link", 10, follow_links=False)
+
+
+@pytest.mark.parametrize("content", ["Å\n", "Å\n".encode()], ids=["text", "bytes"])
+def test_a_content_is_written_as_utf_8(content: str | bytes, tmp_path: Path) -> None:
+    path = tmp_path / "new" / "file.txt"
+    write_file(path, content)
+    assert path.read_bytes() == "Å\n".encode()

@@ -31,3 +31,12 @@ def test_lines_say_how_far_a_command_is(
 
 def test_a_short_command_prints_no_line(capsys: pytest.CaptureFixture[str]) -> None:
     assert set(shown_by_a_training(capsys).splitlines()) == {"a note"}
+
+
+def test_a_counter_goes_on_from_where_the_bar_stands() -> None:
+    with progress.progress(total=10) as bar:
+        bar.update(4)
+        count = progress.Counter(bar)
+        for done in (1, 1, 3):
+            count(done)
+        assert bar.n == 7

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 from zlib import crc32
 
-from turning_env.files import replace_file
+from turning_env.files import write_file
 
 if TYPE_CHECKING:
     # Matplotlib is imported where a figure is drawn: who needs only a colour need not wait for it.
@@ -189,7 +189,7 @@ def save(figure: "Figure", path: Path) -> None:
     with rc_context({"svg.hashsalt": "rough-turning"}):
         figure.savefig(drawn, format=kind, **_OPTIONS[kind])
     content = _with_palette(drawn) if kind == "png" else drawn.getvalue()
-    replace_file(path, lambda partial: partial.write_bytes(content))
+    write_file(path, content)
 
 
 def _with_palette(drawn: BytesIO) -> bytes:

@@ -27,7 +27,7 @@ from pydantic import (
 )
 
 from turning_env.console import printable
-from turning_env.files import digest_of, read_regular, replace_file
+from turning_env.files import digest_of, read_regular, write_file
 from turning_env.numerics.conversions import cutting_speed_at
 from turning_env.scenario import sections
 from turning_env.scenario.derived import DerivedQuantities
@@ -344,7 +344,7 @@ class Scenario(sections.Sections, DerivedQuantities):
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the whole scenario as a TOML file, whole or not at all; make a missing folder."""
-        replace_file(Path(path), lambda partial: partial.write_text(self.to_toml(), "utf-8"))
+        write_file(Path(path), self.to_toml())
 
     def differences(self) -> dict[str, Any]:
         """Return the values that differ from the defaults, nested by section, without the name.

@@ -20,7 +20,7 @@ from tqdm import tqdm
 from research.papers.catalogue import FIGURES, PAPERS, Paper
 from research.papers.figures import blanks, fuzzy, life, minutes, override, roughness, servo
 from turning_env.console import described, exits
-from turning_env.files import replace_file
+from turning_env.files import write_file
 from turning_env.rendering import plot_style as style
 
 DRAW: dict[str, Callable[[], Figure]] = {
@@ -103,9 +103,7 @@ def main(arguments: list[str] | None = None) -> int:
     descriptions = {name: description(name) for name in chosen}
     if options.only is None:
         text = index(descriptions, options.format)
-        replace_file(
-            options.out / INDEX, lambda partial: partial.write_text(text, encoding="utf-8")
-        )
+        write_file(options.out / INDEX, text)
         print(options.out / INDEX)
     else:
         for name, lines in descriptions.items():
