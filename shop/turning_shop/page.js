@@ -244,8 +244,7 @@ function makeSlider({ name, label, values }, axis) {
   const title = box.appendChild(document.createElement('label'));
   title.textContent = label;
   title.htmlFor = name;
-  const output = box.appendChild(document.createElement('output'));
-  output.htmlFor = name;
+  const output = box.appendChild(document.createElement('strong')); // not an output, which screen readers would announce with the verdict
   const slider = box.appendChild(document.createElement('input'));
   Object.assign(slider, { type: 'range', id: name, min: 0, max: values.length - 1, step: 1, disabled: values.length === 1 });
   slider.addEventListener('input', () => choose(at.map((step, other) => other === axis ? Number(slider.value) : step)));
