@@ -8,11 +8,22 @@ import pytest
 
 from leaderboard import aggregate
 from leaderboard.__main__ import main
-from leaderboard.aggregate import TaskScores, by_task, entries, improvement, mean_score, profile
+from leaderboard.aggregate import (
+    KINDS,
+    TaskScores,
+    by_task,
+    entries,
+    improvement,
+    levels_and_shares,
+    mean_score,
+    over_tasks,
+    profile,
+)
 from leaderboard.result import ResultError, Task, result_folder, write_manifest, write_result
 from tests.leaderboard.conftest import MakeResult, spec
 from tests.leaderboard.test_standings import leaderboard_of
 from turning_env import IDS, Scenario
+from turning_env.scenario.family import DRAFTS
 
 MakeTask = Callable[..., TaskScores]
 ORACLE = spec("causal", kind="oracle")
@@ -199,3 +210,126 @@ def test_a_score_on_one_task_has_the_interval_of_its_leaderboard(make_result: Ma
     over_tasks = mean_score(entries([TaskScores(board)])["best rule"])
     assert over_tasks.estimate == score.estimate
     assert score.estimate.low < score.value < score.estimate.high
+
+
+def titles_of(task: TaskScores) -> dict[str, str]:
+    """Return the best policy of each kind that the task has."""
+    titles = {}
+    for kind in KINDS:
+        name = task.best(kind)
+        if name is not None:
+            titles[kind.title] = name
+    return titles
+
+
+def test_each_kind_has_its_best_policy(make_result: MakeResult) -> None:
+    on = task_on("RoughTurning-v0")
+    taught = spec("taught", seed=0, parameters={"training_information": ["true states"]})
+    rewards = {"training_information": ["rewards"]}
+    searched = spec("linear_cma_es", seed=0, parameters=rewards)
+    board = leaderboard_of(
+        [
+            make_result("random", on=on, returns=-900.0),
+            make_result("fixed_tuned", on=on, returns=-100.0),
+            make_result("grid_search", on=on, returns=-60.0),
+            make_result("predictive", on=on, returns=-50.0),
+            make_result("linear_cma_es", on=on, policy=searched, returns=-5.0),
+            make_result(
+                "sac", on=on, policy=spec("sac", seed=0, parameters=rewards), returns=-30.0
+            ),
+            make_result(
+                "ppo", on=on, policy=spec("ppo", seed=0, parameters=rewards), returns=-20.0
+            ),
+            make_result("taught", on=on, policy=taught, returns=-10.0),
+            make_result("causal", on=on, policy=ORACLE, returns=0.0),
+        ]
+    )
+    assert titles_of(TaskScores(board)) == {
+        "random": "random",
+        "best simple search": "linear_cma_es",
+        "best fixed": "fixed_tuned",
+        "best published": "grid_search",
+        "best rule": "predictive",
+        "best model-free agent": "ppo",
+        "best unprivileged agent": "ppo",
+        "best privileged agent": "taught",
+        "oracle": "causal",
+    }
+    (row,) = by_task([TaskScores(board)])
+    # Agents of all classes together stand in the table of means alone.
+    assert "best unprivileged agent" not in row
+    assert row["best privileged agent"] == "`taught` 90"
+
+
+def test_policies_that_are_not_certainly_feasible_are_marked(make_result: MakeResult) -> None:
+    on = task_on("RoughTurning-v0")
+    board = leaderboard_of(
+        [
+            make_result("fixed_tuned", on=on, returns=-100.0),
+            make_result("predictive", on=on, returns=-50.0, severe_overload_time=30.0),
+            make_result("causal", on=on, policy=ORACLE, returns=0.0, severe_overload_time=30.0),
+        ]
+    )
+    task = TaskScores(board)
+    marks = [task.mark(name) for name in ("fixed_tuned", "predictive", "causal")]
+    assert marks == ["", " NO", ""]
+    assert task.has("predictive")
+    assert not task.has("causal")
+    assert not task.has("nobody")
+
+
+def test_the_table_over_tasks_by_hand(tasks: list[TaskScores]) -> None:
+    rows = {row["policy"]: row for row in over_tasks(tasks, ["ppo"], over="best rule")}
+    rule = rows["best rule"]
+    assert rule == {
+        "policy": "best rule",
+        "tasks": "2",
+        "score": "70 (70 to 70)",
+        "episodes above 0 [%]": "100 (100 to 100)",
+        "episodes above 50 [%]": "50 (50 to 50)",
+        "episodes above 90 [%]": "0 (0 to 0)",
+        "better than best rule [%]": "",
+    }
+    agent = rows["ppo"]
+    # 60 and 80 on the first task, 50 on the second: 50 is not above 50.
+    assert agent["score"] == "60 (55 to 65)"
+    assert agent["episodes above 50 [%]"] == "50 (50 to 50)"
+    assert agent["better than best rule [%]"] == "25 (25 to 25)"
+    over_agent = {row["policy"]: row for row in over_tasks(tasks, over="ppo")}
+    assert over_agent["best rule"]["better than ppo [%]"] == "75 (75 to 75)"
+
+
+def test_texts_have_at_most_one_decimal(make_scores: MakeTask) -> None:
+    task = make_scores("RoughTurning-v0", "fixed_tuned", rule=-10.0, agent=(-40.0, -39.5))
+    (row,) = [row for row in over_tasks([task], ["ppo"]) if row["policy"] == "ppo"]
+    # 60 and 60.5 have an interval of half a point.
+    assert row["score"] == "60.2 (60.0 to 60.5)"
+
+
+def test_a_profile_over_many_levels_is_that_at_each(tasks: list[TaskScores]) -> None:
+    entry = entries(tasks, ["ppo"])["ppo"]
+    levels = np.array([-50.0, 50.0, 55.0, 70.0, 79.0, 200.0])
+    shares = levels_and_shares(entry, levels)
+    expected = [profile(entry, level) for level in levels]
+    assert shares["value"] == pytest.approx([share.value for share in expected])
+    assert shares["low"] == pytest.approx([share.estimate.low for share in expected])
+    assert shares["high"] == pytest.approx([share.estimate.high for share in expected])
+    assert shares["value"].tolist() == [1.0, 0.5, 0.5, 0.25, 0.25, 0.0]
+
+
+def test_drafts_of_families_are_on_no_table(make_result: MakeResult, tmp_path: Path) -> None:
+    def write(env_id: str, scenario_name: str) -> None:
+        scenario = Scenario.load("rough_turning").model_copy(update={"name": scenario_name})
+        on = Task(env_id=env_id, scenario=scenario, seeds=[0, 1, 2, 3])
+        folder = result_folder(tmp_path, env_id, scenario_name)
+        for result in (
+            make_result("fixed_tuned", on=on, returns=-100.0),
+            make_result("causal", on=on, policy=ORACLE, returns=0.0),
+        ):
+            write_result(result, folder)
+
+    write("RoughTurning-v0", "rough_turning")
+    write("RoughTurning-Family-v0", f"{DRAFTS[0]}-unseen_jobs")
+    assert [task.label for task in aggregate.read(tmp_path)] == ["RoughTurning-v0"]
+    with pytest.raises(ResultError, match="holds no task"):
+        aggregate.read(tmp_path / "nowhere")

@@ -10,12 +10,12 @@ from leaderboard import page, table
 from leaderboard import policies as leaderboard_policies
 from leaderboard.columns import LIMITS, WORKSHOP
 from leaderboard.ranking import Leaderboard, rank
-from leaderboard.result import Result, Task
+from leaderboard.result import FamilySplit, Result, Task
 from leaderboard.scoring import compare
 from leaderboard.standings import Played, Standing, best_rule
 from leaderboard.statistics import Estimate, Floats, Mean
 from tests.leaderboard.conftest import ENV_ID, MakeResult, spec
-from turning_env import SPLITS, Scenario
+from turning_env import FAMILY_ID, SPLITS, Scenario
 
 
 def standings_of(results: Sequence[Result]) -> dict[str, Standing]:
@@ -505,3 +505,146 @@ def played(name: str, kind: str, episodes: dict[str, Floats]) -> Played:
     """Return the episodes of a policy with one training."""
     by_training = {field: values[np.newaxis] for field, values in episodes.items()}
     return Played(name=name, kind=kind, episodes=by_training)
+
+
+def test_the_best_rule_is_a_feasible_one_and_the_first_by_name(make_result: MakeResult) -> None:
+    standings = rank(
+        [
+            make_result("b", returns=5.0),
+            make_result("a", returns=5.0),
+            make_result("reckless", severe_overload_time=30.0, returns=9.0),
+            make_result("ppo", 0, returns=99.0),
+        ]
+    )
+    best = best_rule(standings)
+    assert best is not None
+    assert best.name == "a"
+    infeasible = [standing for standing in standings if standing.name == "reckless"]
+    assert best_rule(infeasible) == infeasible[0]
+    assert best_rule([standing for standing in standings if standing.kind == "agent"]) is None
+
+
+def only_standing(result: Result) -> Standing:
+    (standing,) = rank([result])
+    return standing
+
+
+def test_costs_of_metal_by_hand(make_result: MakeResult) -> None:
+    """v0: an edge costs 3 min, its change 2 min, a breakage 10 min."""
+    result = make_result(
+        "rule",
+        time=[600, 300, 600, 300],
+        removed=[1000, 500, 1000, 1500],
+        edges_used=[1, 1, 0.5, 0.5],
+        edges_broken=[0, 1, 0, 0],
+        reward_overload=[-60, 0, -30, 0],
+    )
+    standing = only_standing(result)
+    # 30 min at work, 3 edges of 5 min each, and a breakage, for 4 dm3.
+    assert value(standing.costs.cost) == pytest.approx((30.0 + 15.0 + 10.0) / 4.0)
+    assert value(standing.costs.full_cost) == pytest.approx((30.0 + 15.0 + 10.0 + 1.5) / 4.0)
+    assert standing.operation.minutes == pytest.approx((30.0 + 6.0 + 10.0) / 4.0)
+    assert standing.operation.edges == pytest.approx(0.75)
+    assert standing.costs.part_cost is None
+    assert standing.operation.roughness_deviation is None
+
+
+def test_shares_of_short_times(make_result: MakeResult) -> None:
+    """Half a second of cutting in all is a time to divide by."""
+    standing = only_standing(
+        make_result("rule", engaged_time=0.125, severe_overload_time=0.0625, time=0.125)
+    )
+    assert standing.overload.severe_share == pytest.approx(0.5)
+
+
+def test_without_cutting_no_time_is_over_a_limit(make_result: MakeResult) -> None:
+    standing = only_standing(make_result("idle", engaged_time=0.0, removed=0.0))
+    assert standing.overload.severe_share == 0.0
+    assert standing.overload.overload_share == 0.0
+    assert standing.overload.share_above_2_percent == 0.0
+    assert standing.overload.share_above_10_percent == 0.0
+    assert standing.costs.cost is None
+    assert standing.costs.full_cost is None
+
+
+def test_small_leads_count_as_wins(make_result: MakeResult) -> None:
+    standings = standings_of(
+        [
+            make_result("rule", returns=[1.0, 1.0, 1.0, 1.0]),
+            make_result("ppo", 0, returns=[1.5, 1.0, 1.25, 0.0]),
+        ]
+    )
+    assert standings["ppo"].leads.beats_best_rule == 0.5
+    assert standings["ppo"].leads.median_over_best_rule == 0.125
+    # Without the three largest, of which the first is that of the last seed.
+    assert standings["ppo"].leads.over_best_rule_without_largest == 0.0
+
+
+def test_parts_and_roughness_have_numbers_of_their_own(make_result: MakeResult, task: Task) -> None:
+    def on(preset: str) -> Task:
+        return task.model_copy(update={"scenario": Scenario.load(preset)})
+
+    part = only_standing(
+        make_result(
+            "rule", on=on("batch_casting"), time=600.0, steps=8.0, edges_used=0.5, removed=500.0
+        )
+    )
+    economics = Scenario.load("batch_casting").economics
+    assert part.costs.part_cost == pytest.approx((10.0 + 0.5 * economics.edge_cost) / 8.0)
+    assert part.operation.roughness_deviation is None
+    surface = only_standing(
+        make_result("rule", on=on("surface"), time=50.0, roughness_deviation=20.0)
+    )
+    assert surface.operation.roughness_deviation == pytest.approx(0.4)
+    assert surface.costs.part_cost is None
+    # A roughness that is held earns nothing for metal.
+    assert surface.costs.full_cost is None
+    assert surface.costs.cost is not None
+
+
+@pytest.fixture
+def family_task(task: Task) -> Task:
+    identity = ScenarioId(name="shop", digest="0" * 64)
+    split = FamilySplit(family=identity, split="unseen_jobs")
+    return task.model_copy(update={"env_id": FAMILY_ID, "of_family": split})
+
+
+def test_jobs_of_families_by_hand(make_result: MakeResult, family_task: Task) -> None:
+    allowance = family_task.scenario.limits.overload_allowance
+    told = spec("told", knows="true_laws")
+    standings = standings_of(
+        [
+            make_result(
+                "rule",
+                on=family_task,
+                returns=[10.0, -20.0, 30.0, 40.0],
+                reward_metal=[100.0, 100.0, 100.0, 300.0],
+                engaged_time=100.0,
+                severe_overload_time=[0.0, 100.0 * allowance, 100.0 * allowance + 1.0, 0.0],
+            ),
+            make_result("told", policy=told, on=family_task, returns=50.0, reward_metal=100.0),
+        ]
+    )
+    rule = standings["rule"]
+    # Of metal worth 600 s, 60 s are left.
+    assert value(rule.costs.full_cost_share) == pytest.approx(0.9)
+    assert rule.costs.full_cost_share is not None
+    assert rule.costs.full_cost_share.low < 0.9 < rule.costs.full_cost_share.high
+    assert rule.operation.worst_return == -20.0
+    assert rule.operation.feasible_jobs == 0.75
+    (other,) = [name for name in standings if name != "rule"]
+    assert value(rule.leads.over_truth) == pytest.approx(15.0 - 50.0)
+    assert standings[other].leads.over_truth is None
+    assert rule.costs.cost is None
+    assert rule.operation.minutes is None
+
+
+@pytest.mark.parametrize(("worth", "share"), [(0.5, 3.0), (0.0, None)])
+def test_jobs_without_metal_have_no_share_of_its_worth(
+    worth: float, share: float | None, make_result: MakeResult, family_task: Task
+) -> None:
+    standing = only_standing(make_result("rule", on=family_task, returns=-1.0, reward_metal=worth))
+    if share is None:
+        assert standing.costs.full_cost_share is None
+    else:
+        assert value(standing.costs.full_cost_share) == pytest.approx(share)

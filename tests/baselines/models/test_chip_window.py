@@ -85,6 +85,7 @@ def odds_after(feed: float, stops: float, cutting: bool = True) -> dict[float, f
 
 
 def test_half_of_the_weight_is_on_the_catalogues_window_at_first() -> None:
+    assert SHIFTS.tolist() == [0.0, -0.65, -0.55, -0.45, -0.35, 0.35, 0.45, 0.55, 0.65]
     weights = np.exp(ChipWindow(TANGLING, 2).log_weights)
     assert weights.shape == (2, 9)
     assert weights.sum(axis=1) == pytest.approx(1.0)
@@ -98,6 +99,8 @@ def test_half_of_the_weight_is_on_the_catalogues_window_at_first() -> None:
         # The window 0.2..0.4 mm/rev times exp(shift).
         pytest.param(0.2825, [0.0], id="middle: neither shift reaches it"),
         pytest.param(0.201, [0.0, -0.65, -0.55, -0.45, -0.35], id="low"),
+        pytest.param(0.2, [0.0, -0.65, -0.55, -0.45, -0.35], id="lowest"),
+        pytest.param(0.4, [0.0, 0.35, 0.45, 0.55, 0.65], id="highest"),
         pytest.param(0.199, [-0.65, -0.55, -0.45, -0.35], id="below the catalogue's"),
         pytest.param(0.399, [0.0, 0.35, 0.45, 0.55, 0.65], id="high"),
         pytest.param(0.401, [0.35, 0.45, 0.55, 0.65], id="above the catalogue's"),
