@@ -227,6 +227,8 @@ def test_each_kind_has_its_best_policy(make_result: MakeResult) -> None:
     taught = spec("taught", seed=0, parameters={"training_information": ["true states"]})
     rewards = {"training_information": ["rewards"]}
     searched = spec("linear_cma_es", seed=0, parameters=rewards)
+    ppo = spec("ppo", seed=0, parameters=rewards)
+    sac = spec("sac", seed=0, parameters=rewards)
     board = leaderboard_of(
         [
             make_result("random", on=on, returns=-900.0),
@@ -234,12 +236,8 @@ def test_each_kind_has_its_best_policy(make_result: MakeResult) -> None:
             make_result("grid_search", on=on, returns=-60.0),
             make_result("predictive", on=on, returns=-50.0),
             make_result("linear_cma_es", on=on, policy=searched, returns=-5.0),
-            make_result(
-                "sac", on=on, policy=spec("sac", seed=0, parameters=rewards), returns=-30.0
-            ),
-            make_result(
-                "ppo", on=on, policy=spec("ppo", seed=0, parameters=rewards), returns=-20.0
-            ),
+            make_result("sac", on=on, policy=sac, returns=-30.0),
+            make_result("ppo", on=on, policy=ppo, returns=-20.0),
             make_result("taught", on=on, policy=taught, returns=-10.0),
             make_result("causal", on=on, policy=ORACLE, returns=0.0),
         ]

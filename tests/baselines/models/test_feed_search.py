@@ -27,7 +27,10 @@ from baselines.models.feed_search import (
     charge_power,
     force_at,
     newton_step,
+    rise_of,
     search,
+    step_of_feed_first,
+    step_of_speed_first,
     try_set_point,
     with_term,
 )
@@ -509,3 +512,49 @@ def test_a_search_starts_within_reach_and_ends_at_scipys_maximum() -> None:
         found = task.gain(i, best[i].log_speed, best[i].log_feed)
         assert found >= -expected.fun - 2e-5
         assert bounds[0][0] - 1e-9 <= best[i].log_speed <= bounds[0][1] + 1e-9
+
+
+@pytest.mark.parametrize(
+    ("reach", "speed_first", "feed_first"),
+    [
+        # H = (2 1; 1 3) and g = (4, 6): the top is at (6 / 5, 8 / 5).
+        pytest.param((-9.0, 9.0, -9.0, 9.0), (1.2, 1.6), (1.2, 1.6), id="top within reach"),
+        pytest.param((-9.0, 9.0, -9.0, 1.0), (1.2, 1.0), (1.5, 1.0), id="feed out of reach"),
+        pytest.param((-9.0, 1.0, -9.0, 9.0), (1.0, 5.0 / 3.0), (1.0, 1.6), id="speed out of reach"),
+        pytest.param((2.0, 9.0, 3.0, 9.0), (2.0, 3.0), (2.0, 3.0), id="both out of reach, below"),
+    ],
+)
+def test_a_step_takes_one_direction_first_and_the_best_of_the_other_for_it(
+    reach: tuple[float, float, float, float],
+    speed_first: tuple[float, float],
+    feed_first: tuple[float, float],
+) -> None:
+    at = (5.0, -1.0)
+    env = SimpleNamespace(
+        min_log_speed=at[0] + reach[0],
+        max_log_speed=at[0] + reach[1],
+        min_log_feed=at[1] + reach[2],
+        max_log_feed=at[1] + reach[3],
+    )
+    parabola = Gain(0.0, 4.0, 6.0, 2.0, 1.0, 3.0)
+    for step, expected in (
+        (step_of_speed_first(env, parabola, *at), speed_first),
+        (step_of_feed_first(env, parabola, *at), feed_first),
+    ):
+        assert (step.log_speed, step.log_feed) == pytest.approx(expected)
+        speed, feed = expected
+        rise = 4.0 * speed + 6.0 * feed - speed**2 - speed * feed - 1.5 * feed**2
+        assert step.rise == pytest.approx(rise)
+        assert rise_of(parabola, speed, feed) == pytest.approx(rise)
+
+
+def test_where_nothing_is_gained_the_command_stays_within_reach() -> None:
+    task = random_task(BASE, seed=6, metal_value=0.0, cutting=0.0)
+    for name in ("log_speed", "log_feed"):
+        actual = task.environments[name]
+        task.environments[f"min_{name}"] = actual - np.resize([0.1, -0.2, 0.3], NUM_ENVS)
+        task.environments[f"max_{name}"] = actual + np.resize([0.1, 0.3, -0.2], NUM_ENVS)
+    best = best_set_points(task)
+    moves = np.resize([0.0, 0.2, -0.2], NUM_ENVS)
+    assert best["log_speed"] - task.environments["log_speed"] == pytest.approx(moves)
+    assert best["log_feed"] - task.environments["log_feed"] == pytest.approx(moves)

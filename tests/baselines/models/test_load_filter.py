@@ -312,12 +312,13 @@ def test_a_reset_returns_environments_of_a_mask_to_their_models() -> None:
 
 
 def test_an_environment_can_get_another_model() -> None:
-    estimate = filled()
+    estimate = filled(law_errors())
     before = estimate.mean[0].copy()
-    estimate.assign(1, model_of([BY_HAND]))
+    model = model_of([BY_HAND], law_errors())
+    estimate.assign(1, model)
     assert estimate.parameters["wear_criterion"].tolist() == [0.4, 0.4]
-    np.testing.assert_array_equal(estimate.mean[1], np.zeros(STATES))
-    np.testing.assert_array_equal(estimate.covariance[1], model_of([BY_HAND]).covariance[0])
+    np.testing.assert_array_equal(estimate.mean[1], model.mean[0])
+    np.testing.assert_array_equal(estimate.covariance[1], model.covariance[0])
     np.testing.assert_array_equal(estimate.mean[0], before)
 
 

@@ -3,10 +3,20 @@
 Arrays have the bits of single numbers.
 """
 
+import math
+
 import numpy as np
 import pytest
 
-from turning_env.numerics.functions import exp, expm1, log, real_power, sine_and_cosine
+from turning_env.numerics.functions import (
+    exp,
+    expm1,
+    hypotenuse,
+    log,
+    real_power,
+    sine_and_cosine,
+    where,
+)
 
 NEAR_ZERO = np.geomspace(1e-12, 1.0, 500)
 BOTH_SIDES = np.concatenate([NEAR_ZERO, -NEAR_ZERO, np.linspace(-30.0, 30.0, 301)])
@@ -106,3 +116,38 @@ def test_values_that_are_no_numbers_stay_none_and_arguments_stay_as_they_are(fun
 @pytest.mark.parametrize("x", [-720.0, 720.0])
 def test_exp_is_clipped_in_the_same_way_for_arrays(x):
     assert exp(x) == exp(np.array([x]))[0]
+
+
+def test_the_hypotenuse_is_that_of_a_triangle():
+    assert hypotenuse(3.0, 4.0) == 5.0
+    assert hypotenuse(np.array([5.0, 8.0]), np.array([12.0, 15.0])).tolist() == [13.0, 17.0]
+
+
+def test_where_chooses_between_numbers_and_arrays():
+    assert where(True, 1.0, 2.0) == 1.0
+    assert where(np.array([True, False]), 1.0, np.array([3.0, 4.0])).tolist() == [1.0, 4.0]
+
+
+@pytest.mark.parametrize("x", [708.0, 1000.0])
+def test_beyond_708_the_exponential_keeps_its_value(x):
+    assert exp(x) == pytest.approx(math.exp(708.0), rel=1e-15)
+    assert exp(-x) == pytest.approx(math.exp(-708.0), rel=1e-15)
+    assert expm1(x) == pytest.approx(math.exp(708.0), rel=1e-15)
+    assert expm1(-x) == -1.0
+
+
+def test_the_logarithm_of_0_is_about_minus_709():
+    assert -710.0 < log(0.0) < -708.0
+
+
+@pytest.mark.parametrize("turns", [-0.3, -2.625, 1e6 + 0.125, 123456.75])
+def test_turns_of_either_sign_and_many_are_reduced(turns):
+    sine, cosine = sine_and_cosine(turns)
+    angle = 2.0 * math.pi * (turns - math.floor(turns))
+    assert (sine, cosine) == pytest.approx((math.sin(angle), math.cos(angle)), abs=1e-14)
+
+
+def test_a_power_of_a_number_near_0_is_a_power():
+    assert real_power(1e-12, 0.5) == pytest.approx(1e-6)
+    assert real_power(np.array([0.0, 4.0]), 0.5) == pytest.approx([0.0, 2.0])
+    assert real_power(0.0, -1.5) == 0.0

@@ -10,14 +10,14 @@ from turning_env.numerics.wear_term import (
     wear_term_slope,
 )
 
-GROWTHS = np.array([0.0, 1.8, 9.7])  # [1/mm]
+GROWTHS = np.array([0.0, 0.5, 1.8, 9.7])  # [1/mm]
 LOG_WEARS = np.log([0.01, 0.1, 0.3])
 
 
 @pytest.mark.parametrize("log_wear", LOG_WEARS)
 def test_the_term_is_the_wear_or_grows_from_1(log_wear: float) -> None:
     wear = np.exp(log_wear)
-    expected = [wear, 1.0 + 1.8 * wear, 1.0 + 9.7 * wear]
+    expected = [wear, 1.0 + 0.5 * wear, 1.0 + 1.8 * wear, 1.0 + 9.7 * wear]
     assert np.exp(log_wear_term(GROWTHS, log_wear)) == pytest.approx(expected)
 
 
@@ -41,4 +41,4 @@ def test_a_large_growth_tends_to_a_power_law() -> None:
 
 def test_a_factor_of_the_wear_changes_the_term() -> None:
     change = term_of_factor(GROWTHS, np.log(0.2), np.log(1.5))
-    assert np.exp(change) == pytest.approx([1.5, 1.54 / 1.36, 3.91 / 2.94])
+    assert np.exp(change) == pytest.approx([1.5, 1.15 / 1.1, 1.54 / 1.36, 3.91 / 2.94])
