@@ -224,7 +224,8 @@ def _cut(breaker: str, is_flat: bool) -> tuple[Window, tuple[str, ...]]:
     """Return the window of a chip breaker, and what was assumed."""
     if breaker in BREAKERS:
         known = BREAKERS[breaker]
-        return known.window, (f"chip breaker {breaker}: as {known.makers} name it",)
+        source = f"{known.window.source}; chip breaker {breaker} of {known.makers}"
+        return known.window._replace(source=source), ()
     if is_flat and not breaker:
         return breakers.FLAT, ()
     named = f"chip breaker {breaker} is unknown" if breaker else "no chip breaker is stated"
