@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from baselines import law_errors
 from baselines.models.kalman_steps import FORCE, POWER
-from baselines.models.load_filter import LoadFilter, NominalModel, Outlook, model_of
+from baselines.models.load_filter import LoadFilter, Outlook, Prior, model_of
 from baselines.optimiser import plays
 from baselines.rule import Array, Mask
 from turning_env import FamilyEnv, FamilyVectorEnv, Reading, Scenario
@@ -112,7 +112,7 @@ class Belief:
         num_envs = len(scenarios)
         self._errors = law_errors.read() if learns_laws else None
         self.filter = LoadFilter(scenarios, num_envs, self._errors)
-        self._models: dict[int, tuple[dict[str, Any], NominalModel]] = {}
+        self._models: dict[int, tuple[dict[str, Any], Prior]] = {}
         self.entries = len(layout(scenarios[0]))  # of an observation without a belief
 
         # ``assign`` writes to the arrays of this batch.
@@ -137,13 +137,11 @@ class Belief:
         """Give an environment another nominal model, as ``assign``, but do not keep the model."""
         self._set_model(env_index, self._numbers_and_model(nominal))
 
-    def _numbers_and_model(self, nominal: Scenario) -> tuple[dict[str, Any], NominalModel]:
+    def _numbers_and_model(self, nominal: Scenario) -> tuple[dict[str, Any], Prior]:
         """Return the numbers of one nominal model, for the entries and for the filter."""
         return _values(nominal), model_of([nominal], self._errors)
 
-    def _set_model(
-        self, env_index: int, numbers_and_model: tuple[dict[str, Any], NominalModel]
-    ) -> None:
+    def _set_model(self, env_index: int, numbers_and_model: tuple[dict[str, Any], Prior]) -> None:
         values, model = numbers_and_model
         for name, numbers in self._numbers.items():
             numbers[env_index] = values[name]

@@ -9,7 +9,7 @@ import numpy as np
 
 from baselines import tuned
 from baselines.policy_spec import PolicySpec, ScenarioId
-from baselines.rule import Mask, Parameters, Range, Rule
+from baselines.rule import Mask, Parameters, Rule, TuningRange
 from turning_env import Scenario, read
 from turning_env.policy import Actions, Observations, Policy
 from turning_env.scenario.section import names_instead
@@ -36,7 +36,7 @@ for _file in _FILES:
 
 CHANGE_AT = "change_at"
 """Parameter of rules that change no edges: nominal wear over the criterion at the change [-]."""
-CHANGE_RANGE = Range(0.5, 1.3)  # within which it is tuned
+CHANGE_RANGE = TuningRange(0.5, 1.3)  # within which it is tuned
 
 
 class TimelyChanges(Policy):

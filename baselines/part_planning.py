@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from baselines.models.process import Process
-from baselines.rule import Array, Range, Rule
+from baselines.rule import Array, Rule, TuningRange
 from baselines.trivial import ConstantActions
 from baselines.two_limits import ECONOMIC_OPTIMUM, MIN_DEPTH, TWO_LIMITS, set_point
 from turning_env import Scenario, read
@@ -195,7 +195,7 @@ def _parts_rule(rule: str, corrected: bool) -> Rule:
         f"{kind}: speed and feed by {name}, path {path} (Sharmazanashvili 2008); margins tuned",
         build,
         plays=plays,
-        parameters={"margin": Range(0.6, 1.1), "first_margin": Range(0.3, 1.1)},
+        parameters={"margin": TuningRange(0.6, 1.1), "first_margin": TuningRange(0.3, 1.1)},
         worth_tuning=rule in ("MT", "PN") and not corrected,
         published=True,
     )
@@ -208,9 +208,9 @@ RULES: dict[str, Rule] = {
         _fixed_plan,
         plays=lambda scenario: scenario.control.action == "part",
         parameters={
-            "passes": Range(0.5, 4.5),
-            "cutting_speed": Range(0.0, 1.0),
-            "feed": Range(0.0, 1.0),
+            "passes": TuningRange(0.5, 4.5),
+            "cutting_speed": TuningRange(0.0, 1.0),
+            "feed": TuningRange(0.0, 1.0),
         },
         worth_tuning=True,
     ),

@@ -16,7 +16,7 @@ import numpy as np
 
 from baselines.policy_spec import PolicySpec
 from leaderboard.adapt import as_factory
-from leaderboard.agents.sandbox import LIMITS, Limits
+from leaderboard.agents.sandbox import LIMITS, ProcessLimits
 from leaderboard.play import Episodes, play, play_family
 from leaderboard.result import ExcessShares
 from leaderboard.seeds import MAX_SEEDS, held_out_seeds, tuning_seeds
@@ -343,7 +343,7 @@ def score(
     env_id: str = "RoughTurning-v0",
     seeds: int | None = None,
     family: str | None = None,
-    limits: Limits = LIMITS,
+    limits: ProcessLimits = LIMITS,
     split: Split = "held_out",
 ) -> Score:
     """Play a policy on seeds of an id, and compare it with every policy that ships.

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.grid_search import GridSearch, Limits, best_pair, grid, highest_feed, predict
+from baselines.grid_search import GridSearch, StepLimits, best_pair, grid, highest_feed, predict
 from research.papers import record
 from turning_env import Scenario
 from turning_env.physics.records import parameter_records
@@ -23,7 +23,7 @@ PLANE_SPEEDS = 76
 PLANE_FEEDS = 109
 
 SCENARIO = Scenario.load("paper")
-LIMITS = Limits(
+LIMITS = StepLimits(
     force=SCENARIO.limits.thrust_force,
     power=SCENARIO.limits.power,
     used_life=1.0,
@@ -118,7 +118,7 @@ def best_at_each_speed(wear: float, start: float) -> Responses:
     The best feed is the highest that keeps all limits. Where wear allows none, it is the highest
     that keeps force and power. Where these allow none either, it is the lowest.
     """
-    limits_without_wear = Limits(LIMITS.force, LIMITS.power, used_life=math.inf)
+    limits_without_wear = StepLimits(LIMITS.force, LIMITS.power, used_life=math.inf)
     feeds = np.empty(len(SPEEDS))
     for index, speed in enumerate(SPEEDS):
         for limits in (LIMITS, limits_without_wear):
