@@ -242,7 +242,7 @@ class GuardedPolicy:
         self._num_envs = num_envs
         sizes = np.array([num_envs, sandbox.memory_size], np.int64)
         sandbox.send(messages.SIZES, sizes.tobytes())
-        sandbox.answer(0, starting=True)
+        sandbox.answer(0)
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
         """Clear the memory of the environments in the mask, shape (num_envs,).
