@@ -558,3 +558,23 @@ def test_where_nothing_is_gained_the_command_stays_within_reach() -> None:
     moves = np.resize([0.0, 0.2, -0.2], NUM_ENVS)
     assert best["log_speed"] - task.environments["log_speed"] == pytest.approx(moves)
     assert best["log_feed"] - task.environments["log_feed"] == pytest.approx(moves)
+
+
+@pytest.mark.parametrize("spread", [0.04, 0.01])
+def test_steps_that_overshoot_are_shortened_in_both_directions(spread: float) -> None:
+    """Far from the top, the parabola is wrong; a search that ended early could still rise."""
+    task = random_task(BASE, seed=2, force_spread=spread, power_spread=spread)
+    for name in ("log_speed", "log_feed"):
+        task.environments[f"min_{name}"] -= 0.5
+        task.environments[f"max_{name}"] += 0.5
+    best = best_set_points(task)
+    for i in range(4):
+        env = task.environments[i]
+        bounds = [(env.min_log_speed, env.max_log_speed), (env.min_log_feed, env.max_log_feed)]
+
+        def loss(at: Any, i: int = i) -> float:
+            return -gain_by_scipy(task, i, *at)
+
+        found = np.array([best[i].log_speed, best[i].log_feed])
+        better = minimize(loss, found, bounds=bounds, method="Nelder-Mead")
+        assert -better.fun <= task.gain(i, *found) + 2e-3
