@@ -13,6 +13,7 @@ for three searches; each file states its result:
 
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -105,8 +106,10 @@ def closed_form() -> str:
     depth = scenario.workpiece.depth_of_cut
     exact = timed(lambda: set_point(ECONOMIC_OPTIMUM, process, depth))
     plain = timed(lambda: cheapest_of_grid(scenario, process))
-    exact_cost = float(cost_at(process, *exact.value, depth))
-    plain_cost = float(cost_at(process, *plain.value, depth))
+    costs = []
+    for speed, feed in (exact.value, plain.value):
+        costs.append(float(cost_at(process, speed, feed, depth=depth)))
+    exact_cost, plain_cost = costs
     return (
         f"two_limits: {1000 * exact.seconds:.2f} ms, a grid of {SIDE} x {SIDE} "
         f"{1000 * plain.seconds:.2f} ms and {100 * (plain_cost / exact_cost - 1):.1f} % more cost"
@@ -115,7 +118,8 @@ def closed_form() -> str:
 
 def cost_at(process: Process, speed: Array, feed: Array, depth: float) -> Array:
     """Return the cost of metal [min/cm3]."""
-    return exp(process.log_cost(log(speed), log(feed), depth_of_cut=depth, hardness=1.0))
+    log_cost = process.log_cost(log(speed), log(feed), depth_of_cut=depth, hardness=1.0)
+    return np.asarray(exp(log_cost))
 
 
 def cheapest_of_grid(scenario: Scenario, process: Process) -> tuple[Array, Array]:
@@ -168,11 +172,10 @@ def newton() -> str:
     seeds = tuning_seeds(SEEDS)
     results = []
     for optimiser in (Optimiser, GridOptimiser):
-        policy = optimiser(scenario, len(seeds), severity=1.5, caution=1.0)
-        play(lambda count, policy=policy: policy, scenario, seeds)  # compiles
-        policy.reset(np.ones(len(seeds), np.bool_))
+        make = partial(optimiser, scenario, severity=1.5, caution=1.0)
+        play(make, scenario, seeds)  # compiles
         start = time.perf_counter()
-        episodes = play(lambda count, policy=policy: policy, scenario, seeds)
+        episodes = play(make, scenario, seeds)
         results.append((episodes["return"], time.perf_counter() - start))
     (returns, seconds), (grid_returns, grid_seconds) = results
     gain = returns - grid_returns
