@@ -20,6 +20,7 @@ from turning_env import Scenario, read
 from turning_env.action import set_point_action
 from turning_env.numerics.functions import exp, log, real_power
 from turning_env.policy import Actions, Observations, Policy
+from turning_env.scenario.laws import machining_cost
 
 MIN_WEAR = 0.1
 """Wear of a fresh edge over the criterion [-]: without wear, nothing would limit the force."""
@@ -124,7 +125,8 @@ class RuledParts(Policy):
         )
         edges = np.where(depths > 0.0, minutes / exp(log_life), 0.0)
         made = np.arange(passes_max) < passes[:, np.newaxis]
-        costs = minutes + self._scenario.machine.return_time + process.edge_price * edges
+        with_return = minutes + self._scenario.machine.return_time
+        costs = machining_cost(with_return, edges, process.edge_price)
         cost = np.sum(made * costs, axis=1)
         # Even at the lowest feed, a pass may be too deep for a further limit.
         for limit in process.further.values():

@@ -15,6 +15,7 @@ from baselines.grid_search import GridSearch, StepLimits, best_pair, grid, highe
 from research.papers import record
 from turning_env import Scenario
 from turning_env.physics.records import parameter_records
+from turning_env.scenario.laws import used_life_at
 
 Array = NDArray[np.float64]
 
@@ -65,9 +66,7 @@ class SpeedAndFeed(NamedTuple):
 
 def used_life(wear: float) -> float:
     """Return the share of an edge's life that is used at a wear [mm]."""
-    # At constant speed and feed, wear is W_max (t/T)^n. So t/T = (W / W_max)^(1/n).
-    relative_wear = wear / SCENARIO.tool.wear_criterion
-    return float(relative_wear ** (1.0 / SCENARIO.material.wear.time))
+    return float(used_life_at(SCENARIO, wear))
 
 
 def chosen(wear: float, start: float) -> SpeedAndFeed | None:
