@@ -371,6 +371,7 @@ def numbers_of(scenario: Scenario, errors: bool) -> dict[str, Any]:
     wear = scenario.material.wear
     laws = (scenario.material.thrust_force, scenario.material.power)
 
+    # ``laws.depth_spread`` over the depth, but divided first: recorded actions have its last bits.
     depth_along = work.depth_along_spread / work.depth_of_cut
     depth_spread = hypotenuse(depth_along, work.depth_bar_spread / work.depth_of_cut)
     depth_slope = SLOPE * depth_along / work.depth_correlation_length

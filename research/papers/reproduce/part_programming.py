@@ -180,7 +180,7 @@ def pass_cost(rule: str, depth_of_cut: Array, slack: float = SLACK) -> Array:
         hardness=1.0,
     )
     cost_of_a_minute = machining_cost(1.0, np.exp(-log_life), process.edge_price)
-    cost = time * cost_of_a_minute + RETURN_TIME
+    cost = np.asarray(time * cost_of_a_minute + RETURN_TIME)
 
     for limit in (process.thrust_force, process.power, process.torque):
         response = limit.law(speed, feed, depth_of_cut=depth)
