@@ -158,7 +158,7 @@ def test_fields_are_offset_and_noise_between_the_nodes_of_a_bar() -> None:
         log_hardness_mismatch=0.1,
     )
     # In steps, backwards too, so that nodes are kept, passed one by one, and jumped over.
-    for cut in (5.0, 30.0, 62.0, 130.0, 132.0, 20.0, 310.0, 312.0, 299.0):
+    for cut in (5.0, 30.0, 62.0, 30.0, 130.0, 132.0, 20.0, 310.0, 312.0, 299.0):
         look_up(records, cut)
         bar, along = divmod(cut, 300.0)
         hardness_offset, depth_offset = standard_normals(
