@@ -371,7 +371,9 @@ def score(
               needs onnxruntime. The file may come from anywhere: it plays in a process of its own
               (``leaderboard.agents.sandbox``). All else runs in this process.
         env_id: id of the environment and of its leaderboard. On the family, seeds are numbers of
-            unseen jobs, and observations hold the nominal model's numbers.
+            unseen jobs, and observations hold the nominal model's numbers. These tell the job, and
+            the jobs are published, so a file could hold an answer for each: a claim of the
+            challenge counts on private jobs only (``leaderboard run --private-key``).
         seeds: number of seeds; None: all that the leaderboard has, 256 for RoughTurning-v0, or
             256 validation seeds.
         family: preset of a family, if ``env_id`` is the family's; None: ``DEFAULT_FAMILY``.
