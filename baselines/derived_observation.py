@@ -77,11 +77,11 @@ class _Derived:
         deviations = DEVIATION_SCALE * (np.stack(shown_loads, axis=1) - 1.0)
         distances = DISTANCE_SCALE * np.stack(ratios, axis=1)
         limited = np.clip(distances, -MAX_DISTANCE, MAX_DISTANCE)
-        entries = [observations, deviations, limited]
-        return np.concatenate(entries, axis=1, dtype=np.float32)
+        derived = np.concatenate([deviations, limited], axis=1).astype(np.float32)
+        return np.concatenate([observations, derived], axis=1)
 
 
-def with_entries(space: Any) -> Box:
+def with_entries(space: Any) -> Any:
     """Return an observation space with ``ENTRIES`` behind its own."""
     lowest_load = -DEVIATION_SCALE
     highest_load = DEVIATION_SCALE * (MAX_RATIO - 1.0)

@@ -37,8 +37,8 @@ from numpy.typing import NDArray
 from baselines.models.feed_loop import (
     feed_gaps,
     held_in_air,
-    shares_of,
     log_feed_towards,
+    shares_of,
     within_window,
 )
 from baselines.models.nominal_points import PointsOfEnvs
@@ -67,7 +67,7 @@ def action_names(scenario: Scenario) -> tuple[str, ...]:
             "a load target needs actions that set cutting speed and feed, "
             f"but scenario {scenario.name!r} has control.action {scenario.control.action!r}"
         )
-    names = ("load_target", "cutting_speed")
+    names: tuple[str, ...] = ("load_target", "cutting_speed")
     if scenario.control.edge_changes == "commanded":
         names += ("change_wear",)
     return names
@@ -81,7 +81,7 @@ class _Loops:
         self._size = len(action_names(env.unwrapped.scenario))
         self._observations: Observations = np.zeros((num_envs, 0), np.float32)
 
-    def space(self) -> Box:
+    def space(self) -> Any:
         """Return a new space of one environment's actions."""
         return Box(-1.0, 1.0, shape=(self._size,), dtype=np.float32)
 

@@ -65,7 +65,7 @@ def feed_gaps(loads: LoadShares, points: NominalPoints, log_target: Array) -> Fe
 def log_feed_towards(reading: Reading, gap: Array, up: Array | float, down: Array | float) -> Array:
     """Return the log feed that goes a share of a gap: ``up`` if the feed rises, else ``down``."""
     share = np.where(gap > 0.0, up, down)
-    return log(reading.feed) + share * gap
+    return np.asarray(log(reading.feed) + share * gap)
 
 
 def held_in_air(reading: Reading, log_feed: Array) -> Array:
