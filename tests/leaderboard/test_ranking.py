@@ -299,3 +299,12 @@ def test_agents_of_one_training_share_a_name_and_others_name_their_seeds(
         "ppo-seed5": "ppo-seed5,6",
         "ppo-seed6": "ppo-seed5,6",
     }
+
+
+def test_a_ranking_follows_its_results(folder: Path, make_result: MakeResult) -> None:
+    """A process that ranks equal results once must see that they have changed."""
+    write(folder, make_result("rule", returns=1.0))
+    (before,) = read_leaderboard(folder).standings
+    write(folder, make_result("rule", returns=2.0))
+    (after,) = read_leaderboard(folder).standings
+    assert (before.mean_return.value, after.mean_return.value) == (1.0, 2.0)
