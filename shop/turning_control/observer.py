@@ -56,6 +56,8 @@ MIN_DEPTH = 0.2  # estimated depth of cut over nominal below which it is taken a
 MIN_WEAR = 0.05  # nominal wear over the criterion below which predictions hold it constant [-]
 # Nominal load behind all lags over the nominal load, above which a reading is used [-].
 MIN_BUILT_UP = 0.3
+# Distance below the expected load from which a reading is not one of the cut [standard deviations].
+NO_CUT = 5.0
 
 SPEED_CHANGE = 0.3  # largest change of the asked speed, natural logarithm [-]
 NUM_CHANGES = 41  # number of changes of the asked speed that are tried
@@ -282,16 +284,11 @@ class Observer:
         self._prior = np.diag(variances)
 
     def _set_drawing(self) -> None:
-        work = self._scenario.workpiece
-        profile = np.array(work.depth_profile or (work.depth_of_cut,))
-        sections = len(profile)
-        equal_lengths = (work.bar_length / sections,) * sections
-        lengths = work.section_lengths or equal_lengths
-        ends = np.cumsum([0.0, *lengths])
-        self._starts = ends[:-1]  # of sections along the bar [mm]
+        drawn = self._scenario.workpiece.drawn_sections()
+        self._starts = drawn.starts
         # A section without any depth has no logarithm.
-        lowest = 0.01 * profile.max()
-        self._profile = np.maximum(profile, lowest)
+        lowest = 0.01 * drawn.depths.max()
+        self._profile = np.maximum(drawn.depths, lowest)
 
     def reset(self, mask: Mask) -> None:
         """Forget everything about the environments in a mask."""
@@ -499,14 +496,19 @@ class Observer:
     def _correct(
         self, load: LoadModel, measured: Values, variance: Values, depth: Values, readable: Mask
     ) -> None:
-        """Correct the estimate by the logarithm of a measured load over nominal, where readable."""
+        """Correct the estimate by the logarithm of a measured load over nominal, where readable.
+
+        A load far below the expected one is that of a tool that has left the metal before the
+        signal ``cutting`` says so. It would spoil what is known of the edge and of all bars.
+        """
         mean = self._estimate.mean
         covariance = self._estimate.covariance
         expected, gradient = load.response(mean, depth)
         surprise = measured - expected
         shared = np.einsum("nij,nj->ni", covariance, gradient)
         total = np.einsum("ni,ni->n", shared, gradient) + variance
-        gain = np.where(readable[:, None], shared / total[:, None], 0.0)
+        believed = readable & (surprise > -NO_CUT * np.sqrt(total))
+        gain = np.where(believed[:, None], shared / total[:, None], 0.0)
         self._estimate = Estimate(
             mean=mean + gain * surprise[:, None],
             covariance=covariance - gain[:, :, None] * shared[:, None, :],

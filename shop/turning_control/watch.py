@@ -56,20 +56,13 @@ class Watch:
         self._feed_lags = self._intervals_to_follow(machine.feed_time_constant)
         self._spindle_lags = self._intervals_to_follow(machine.spindle_time_constant)
         self._min_wear = MIN_WEAR * scenario.tool.wear_criterion
-        self._set_drawing()
+        self._drawn = scenario.workpiece.drawn_sections()
         self.reset()
 
     def _intervals_to_follow(self, time_constant: float) -> float:
         """Return the control intervals after which a drive follows its command."""
         seconds = LAGS * time_constant + self._scenario.machine.command_delay
         return max(self._stuck, seconds / self._scenario.control.interval)
-
-    def _set_drawing(self) -> None:
-        work = self._scenario.workpiece
-        profile = work.depth_profile or (work.depth_of_cut,)
-        equal_lengths = (work.bar_length / len(profile),) * len(profile)
-        self._depths = np.array(profile)
-        self._ends = np.cumsum(work.section_lengths or equal_lengths)
 
     def reset(self) -> None:
         """Forget the readings before."""
@@ -154,7 +147,9 @@ class Watch:
 
         short = readings.engaged_time < MIN_ENGAGED * self._scenario.control.interval
         commanded_feed = float(reading.commanded_feed[0])
-        too_fast = feed > FOLLOWS * commanded_feed + machine.feed_min
+        # In a run-up adaptive feed is off, so the feed must follow only where there may be metal.
+        obeys = bool(readings.cutting) or bool(metal)
+        too_fast = obeys and feed > FOLLOWS * commanded_feed + machine.feed_min
         turns = spindle_speed_at(self._scenario, float(reading.commanded_cutting_speed[0]))
         ratio = readings.spindle_speed / turns
         off_speed = self._sets_speed and not 1.0 / FOLLOWS < ratio < FOLLOWS
@@ -179,11 +174,11 @@ class Watch:
         position = readings.position
         if np.isnan(position):
             return None
-        if position < 0.0 or position > self._ends[-1]:
+        if position < 0.0 or position > self._drawn.ends[-1]:
             return False
-        section = min(int(np.searchsorted(self._ends, position)), len(self._depths) - 1)
+        section = int(np.searchsorted(self._drawn.ends, position))
         # A section without depth may be cut or not.
-        return True if self._depths[section] > 0.0 else None
+        return True if self._drawn.depths[section] > 0.0 else None
 
     def _wrong_loads(self, readings: Readings, reading: Reading) -> bool:
         """Return whether loads are too high for air, or too low for metal."""
@@ -195,7 +190,8 @@ class Watch:
         force = float(reading.thrust_force[0])
         if not readings.cutting:
             return power > CUT_LOAD * limits.power or force > CUT_LOAD * limits.thrust_force
-        depth = self._depths[self._depths > 0.0].min(initial=scenario.workpiece.depth_of_cut)
+        depths = self._drawn.depths
+        depth = depths[depths > 0.0].min(initial=scenario.workpiece.depth_of_cut)
         least_power = material.power(speed, reading.feed, depth, wear=self._min_wear)
         least_force = material.thrust_force(speed, reading.feed, depth, wear=self._min_wear)
         return bool(power < AIR_LOAD * least_power[0] and force < AIR_LOAD * least_force[0])

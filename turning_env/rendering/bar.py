@@ -198,12 +198,9 @@ class BarView:
 
     def _nominal_depths(self, places: Array) -> Array:
         """Return the nominal depths of cut [mm] at places along the bar [mm]."""
-        workpiece = self._scenario.workpiece
-        depths = np.array(workpiece.depth_profile or (workpiece.depth_of_cut,))
-        equal_lengths = (workpiece.bar_length / len(depths),) * len(depths)
-        ends = np.cumsum(workpiece.section_lengths or equal_lengths)
-        sections = np.searchsorted(ends, places, side="right")
-        depth_at_places: Array = depths[np.minimum(sections, len(depths) - 1)]
+        drawn = self._scenario.workpiece.drawn_sections()
+        sections = np.searchsorted(drawn.ends, places, side="right")
+        depth_at_places: Array = drawn.depths[np.minimum(sections, len(drawn.depths) - 1)]
         return depth_at_places
 
     def _draw_tool(self, frame: Pixels, history: History, tip: int) -> None:

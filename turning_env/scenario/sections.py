@@ -6,8 +6,10 @@ says "assumption". A field that is added later must have a neutral default, beca
 differ from the defaults identify a scenario.
 """
 
-from typing import Literal, Self
+from typing import Literal, NamedTuple, Self
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import model_validator
 
 from turning_env.scenario.power_law import PowerLaw
@@ -264,6 +266,14 @@ class FeedDrive(Section):
     )
 
 
+class DrawnSections(NamedTuple):
+    """The sections of a bar in the drawing, from its face on; each has one depth of cut."""
+
+    depths: NDArray[np.float64]  # nominal [mm]; 0 is air
+    starts: NDArray[np.float64]  # places along the bar [mm]
+    ends: NDArray[np.float64]  # likewise
+
+
 class Workpiece(Section):
     """The bars and their deviations from the drawing."""
 
@@ -352,6 +362,14 @@ class Workpiece(Section):
         if 0.0 in self.depth_profile and not (self.section_lengths and any(self.depth_profile)):
             raise ValueError("a depth of 0, air, needs section_lengths and another depth above 0")
         return self
+
+    def drawn_sections(self) -> DrawnSections:
+        """Return the sections of the drawing: one if the whole bar has one depth."""
+        depths = self.depth_profile or (self.depth_of_cut,)
+        equal_lengths = (self.bar_length / len(depths),) * len(depths)
+        ends = np.cumsum(self.section_lengths or equal_lengths)
+        starts = np.concatenate(([0.0], ends[:-1]))
+        return DrawnSections(depths=np.array(depths), starts=starts, ends=ends)
 
 
 class Control(Section):

@@ -16,14 +16,15 @@ from turning_env.scenario import Scenario
 RAPID_TIME = 0.5  # time of the return to the next bar [s]
 
 
-class Highest(Policy):
-    """Asks for the highest speed and feed."""
+class Always(Policy):
+    """Gives one number as every entry of its actions: 1 asks for the highest speed and feed."""
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(self, scenario: Scenario, action: float) -> None:
         self._size = action_size(scenario)
+        self._action = action
 
     def act(self, observations: Observations) -> Actions:
-        return np.ones((len(observations), self._size), np.float32)
+        return np.full((len(observations), self._size), self._action, np.float32)
 
 
 Spoil = Callable[[Readings], Readings]
@@ -50,11 +51,23 @@ class ClosedLoop:
         scenario: what the lathe and its policy are.
         seed: determines bars and edges.
         start: tool position along the bar at the beginning, below 0 before it [mm].
+        action: every entry of the policy's actions.
+
+    Attributes:
+        obeys: whether the program lets the controller scale its feed, as ``M52 P1`` does.
+            Otherwise the tool moves at the programmed feed.
     """
 
-    def __init__(self, scenario: Scenario, seed: int = 1, start: float | None = None) -> None:
+    def __init__(
+        self,
+        scenario: Scenario,
+        seed: int = 1,
+        start: float | None = None,
+        action: float = 1.0,
+    ) -> None:
         self.scenario = on_control(scenario)
-        self.controller = Controller(self.scenario, lambda num_envs: Highest(self.scenario))
+        self.controller = Controller(self.scenario, lambda num_envs: Always(self.scenario, action))
+        self.obeys = True
         self.safe_feed = self.controller.safe_feed
         self.plant = Plant(self.scenario, seed)
         self.interval = self.scenario.control.interval
@@ -80,7 +93,9 @@ class ClosedLoop:
         """Move for a control interval; return the true readings at its end."""
         machine = self.scenario.machine
         work = self.scenario.workpiece
-        wanted_feed = self.commands.adaptive_feed * highest_feed(self.scenario)
+        wanted_feed = self.scenario.control.initial_feed
+        if self.obeys:
+            wanted_feed = self.commands.adaptive_feed * highest_feed(self.scenario)
         wanted_turns = self.commands.spindle_override * self._turns
         feed_share = lag_share(self.interval, machine.feed_time_constant)
         self._feed += feed_share * (wanted_feed - self._feed)
@@ -112,7 +127,8 @@ class ClosedLoop:
             spindle_speed=self._spindle_speed,
             feed_velocity=60.0 * velocity,
             in_feed=in_feed,
-            cutting=values["engaged_time"] > 0.0,
+            # Whether the tool is in metal now; it may have left the bar in this interval.
+            cutting=values["engaged_time"] > 0.0 and bool(values["cutting"]),
             engaged_time=values["engaged_time"],
             power=values["measured_power"],
             position=self.position,

@@ -8,7 +8,7 @@ import pytest
 from turning_control.core import Controller, Status, on_control
 from turning_control.readings import SWITCHES, Readings, needed_readings, possible_values
 
-from shop.tests.turning_control.closed_loop import ClosedLoop, Highest
+from shop.tests.turning_control.closed_loop import Always, ClosedLoop
 from turning_env import Scenario
 from turning_env.observation import read
 
@@ -81,7 +81,7 @@ def test_a_position_that_was_never_given_is_not_missed() -> None:
 
 def test_the_time_of_an_edge_runs_on_while_it_is_not_known() -> None:
     scenario = on_control(Scenario.load("override"))
-    controller = Controller(scenario, lambda num_envs: Highest(scenario))
+    controller = Controller(scenario, lambda num_envs: Always(scenario, 1.0))
     loop = ClosedLoop(Scenario.load("override"), start=20.0)
     true = loop.controller
     seen: list[Readings] = []

@@ -139,10 +139,46 @@ def test_the_policy_resumes_when_the_readings_are_good_again() -> None:
     assert loop.commands.adaptive_feed > loop.safe_feed
 
 
+def run_up(obeys_from: float) -> ClosedLoop:
+    """Return a loop after 2.4 s, which began 6 mm before the bar with adaptive feed off.
+
+    The policy asks for half the programmed feed. Adaptive feed is on from the position
+    ``obeys_from`` along the bar [mm].
+    """
+    loop = ClosedLoop(Scenario.load("override"), start=-6.0, action=-0.5)
+    for _ in range(200):
+        loop.obeys = loop.position >= obeys_from
+        loop.step()
+    return loop
+
+
+def test_in_a_run_up_with_adaptive_feed_off_the_feed_need_not_follow() -> None:
+    loop = run_up(obeys_from=-0.3)
+    assert loop.position > 0.0
+    assert "SAFE" not in loop.course.statuses
+    assert loop.commands.status == Status.POLICY
+
+
+def test_a_feed_that_does_not_follow_in_metal_is_a_fault() -> None:
+    loop = run_up(obeys_from=math.inf)
+    assert loop.position > 0.0
+    assert loop.commands.status == Status.SAFE
+    assert loop.commands.reason == "feed_velocity does not follow"
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("preset", ["override", "surface"])
+@pytest.mark.parametrize("preset", ["override", "surface", "rough_turning"])
 def test_good_readings_are_never_a_fault(preset: str) -> None:
     loop = ClosedLoop(Scenario.load(preset))
     for _ in range(700):
         loop.step()
     assert "SAFE" not in loop.course.statuses
+    assert loop.course.severe_share() <= 0.001
+
+
+@pytest.mark.slow
+def test_a_late_end_of_the_cutting_signal_does_not_spoil_the_next_bars() -> None:
+    loop = ClosedLoop(Scenario.load("rough_turning"))
+    for _ in range(400):
+        loop.step(lambda readings: replace(readings, cutting=readings.engaged_time > 0.0))
+    assert loop.course.severe_share() <= 0.001

@@ -55,6 +55,28 @@ def test_a_number_has_a_unit_and_a_range_that_holds_its_default(
         assert f"{low} to {high} {unit}" in str(refusal.value)
 
 
+def test_sections_of_the_drawing_have_equal_lengths_unless_these_are_given() -> None:
+    work = Scenario().workpiece.model_copy(
+        update={"bar_length": 90.0, "depth_profile": (2.0, 0.0, 3.0)}
+    )
+    drawn = work.drawn_sections()
+    assert drawn.depths.tolist() == [2.0, 0.0, 3.0]
+    assert drawn.starts.tolist() == [0.0, 30.0, 60.0]
+    assert drawn.ends.tolist() == [30.0, 60.0, 90.0]
+
+    drawn = work.model_copy(update={"section_lengths": (20.0, 5.0, 65.0)}).drawn_sections()
+    assert drawn.starts.tolist() == [0.0, 20.0, 25.0]
+    assert drawn.ends.tolist() == [20.0, 25.0, 90.0]
+
+
+def test_a_bar_of_one_depth_is_one_section() -> None:
+    work = Scenario().workpiece.model_copy(update={"bar_length": 90.0, "depth_of_cut": 2.0})
+    drawn = work.drawn_sections()
+    assert drawn.depths.tolist() == [2.0]
+    assert drawn.starts.tolist() == [0.0]
+    assert drawn.ends.tolist() == [90.0]
+
+
 MANY = [f"name_{number}" for number in range(20)]
 
 
