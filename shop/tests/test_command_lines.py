@@ -27,8 +27,10 @@ MISTAKES = {
     "turning_shop map nothing --wear 0.2 --out made.png": "nothing",
     "turning_shop nothing": "nothing",
     "turning_control nothing": "nothing",
-    "turning_control demo --scenario nothing": "nothing",
+    "turning_control drive --simulated --policy programmed --scenario nothing": "nothing",
     "turning_control drive --policy nothing": "nothing",
+    "turning_control log nothing.csv --cuts cuts.csv": "nothing.csv",
+    "turning_control.plant --scenario nothing --log plant.csv": "nothing",
     # A folder in place of a file.
     "turning_shop calibrate . --out made.toml": ".",
     "turning_shop program . --scenario rough_turning": ".",
@@ -45,7 +47,7 @@ MISTAKES = {
         "give mm, such as 2.5, or inch, such as 0.08in"
     ),
     "turning_shop advise forging --seeds -1": "-1",
-    "turning_control demo --bars 0": "0",
+    "turning_control drive --simulated --policy programmed --bars 0": "0",
     # Options that are missing, or do not go together.
     "turning_shop whatif forging --cutting-speed 100 --feed 0.3": "--wear",
     "turning_shop whatif forging --cutting-speed 100 --feed 0.3 --wear 0.2 --time 1": "--time",
@@ -53,6 +55,11 @@ MISTAKES = {
     "turning_shop map forging --wear 0.2 --out made.txt": "made.txt",
     "turning_control drive": "--policy",
     "turning_control drive --policy programmed --nodes nodes.toml": "--url",
+    "turning_control drive --policy programmed --bars 1": "--simulated",
+    "turning_control drive --policy programmed --simulated --url opc.tcp://a --nodes b": "--url",
+    "turning_control log opc.tcp://127.0.0.1:1 --out log.csv --wear 0": "--cuts",
+    "turning_control log log.csv --out log.csv": "--cuts",
+    "turning_control log log.csv --cuts cuts.csv --append": "--append",
 }
 """What the error must contain, by the command line with a mistake."""
 

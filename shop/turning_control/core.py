@@ -27,7 +27,8 @@ from turning_env.physics.wear import EQUIVALENT_TIME
 from turning_env.policy import PolicyFactory
 from turning_env.scenario import Scenario
 
-# Delay from readings until LinuxCNC follows [s], if the scenario gives none: measured in the demo.
+# Delay from readings until LinuxCNC follows [s], if the scenario gives none: measured on the
+# simulated lathe.
 COMMAND_DELAY = 0.006
 STANDSTILL = 0.01  # spindle speed over the lowest one below which the spindle stands [-]
 

@@ -1,11 +1,11 @@
-"""LinuxCNC: processes behind its HAL components, and a lathe without hardware that runs them.
+"""LinuxCNC: the controller behind its HAL component, and a simulated lathe that runs it.
 
-``serve`` and ``serve_plant`` are the processes behind ``hal_bridge.py``: they read lines of JSON
-with input pins, and answer with lines of output pins. ``run`` writes the lathe's configuration into
-a folder, starts LinuxCNC without a screen and waits for the program's end. ``figures`` and
-``simulated`` compare such a run with the simulation.
+``serve`` is the process behind ``hal_bridge.py``: it reads lines of JSON with input pins, and
+answers with lines of output pins. ``run`` writes the lathe's configuration into a folder, starts
+LinuxCNC without a screen and waits for the program's end. ``figures`` and ``simulated`` compare
+such a run with the simulation.
 
-``core.py`` decides on commands, ``plant.py`` is the process, ``lathe/`` the configuration.
+``core.py`` decides on commands, ``plant.py`` is the lathe's process, ``lathe/`` the configuration.
 """
 
 import contextlib
@@ -18,10 +18,10 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, NamedTuple, TextIO
+from typing import Any, NamedTuple
 
 import numpy as np
 from turning_control.core import (
@@ -32,7 +32,7 @@ from turning_control.core import (
     on_control,
     safe_feed,
 )
-from turning_control.plant import Plant
+from turning_control.pins import FEED_MOTION, Pins
 from turning_control.policy_process import in_own_process, loads_code_or_a_file
 from turning_control.readings import (
     FURTHER,
@@ -55,7 +55,6 @@ from turning_env.vector_env import RoughTurningVectorEnv
 
 PYTHON = "/usr/bin/python3"  # the Python that has LinuxCNC's modules
 PACKAGE = "linuxcnc-uspace"
-FEED_MOTION = 2  # ``motion.motion-type`` of a move at feed
 NOBODY = 65534  # user to whom LinuxCNC's motion falls back if root starts it
 
 # Pins, and their types. Units: spindle speed [rev/min], feed velocity [mm/s], position along the
@@ -106,32 +105,6 @@ def _programmed(scenario: Scenario) -> PolicyFactory:
         )
 
     return as_factory(policy)
-
-
-class Pins:
-    """The other side of ``hal_bridge.py``: yields its requests, and answers the last one."""
-
-    def __init__(self, requests: TextIO, answers: TextIO) -> None:
-        self._requests = requests
-        self._answers = answers
-        self._time = 0.0  # of the last request
-
-    def __iter__(self) -> Iterator[dict[str, Any]]:
-        """Say that everything is loaded, then yield pins until the requests end."""
-        self._write("ready")
-        for line in self._requests:
-            pins = json.loads(line)
-            self._time = pins["time"]
-            yield pins
-
-    def answer(self, **pins: float) -> None:
-        """Answer the last request."""
-        values = {name.replace("_", "-"): value for name, value in pins.items()}
-        self._write(json.dumps({"time": self._time, **values}))
-
-    def _write(self, line: str) -> None:
-        self._answers.write(line + "\n")
-        self._answers.flush()
 
 
 def serve(scenario: Scenario, make_policy: PolicyFactory, bridge: Pins) -> None:
@@ -210,47 +183,6 @@ def _warn_of_lacking(controller: Controller, readings: Readings) -> None:
         LOG.warning("the policy's observation lacks %s: the safe feed holds", names)
 
 
-def serve_plant(scenario: Scenario, seed: int, log: Path, bridge: Pins) -> None:
-    """Answer the plant's pins until the bridge's requests end, and log every cycle to a file."""
-    work = scenario.workpiece
-    # The first call compiles, which must not delay the first answer.
-    Plant(scenario, seed).advance(0.01, along=0.0, spindle_speed=100.0, velocity=0.0, in_feed=False)
-    plant = Plant(scenario, seed)
-    time_before: float | None = None
-    writer: csv.DictWriter[str] | None = None
-    with log.open("w", newline="") as file:
-        for pins in bridge:
-            seconds = 0.001 if time_before is None else pins["time"] - time_before
-            time_before = pins["time"]
-            along = work.approach + pins["position"]
-            on_bar = 0.0 <= along < work.approach + work.bar_length
-            at_feed = pins["motion-type"] == FEED_MOTION and on_bar
-            values = plant.advance(
-                max(seconds, 1e-4),
-                along,
-                spindle_speed=abs(pins["spindle-speed"]),
-                velocity=pins["feed-velocity"],
-                in_feed=at_feed,
-            )
-            row = {
-                "time": pins["time"],
-                "seconds": seconds,
-                "at_feed": int(at_feed),
-                "adaptive_feed": pins["adaptive-feed"],
-                "delay": pins["delay"],
-                **values,
-            }
-            if writer is None:
-                writer = csv.DictWriter(file, list(row))
-                writer.writeheader()
-            writer.writerow(row)
-            bridge.answer(
-                power=values["measured_power"],
-                thrust_force=values[f"measured_{force_reading(scenario)}"],
-                edge=int(values["edge"]),
-            )
-
-
 class Fault(NamedTuple):
     """A fault to cause while the program runs."""
 
@@ -269,7 +201,7 @@ def program(scenario: Scenario, bars: int) -> str:
     control = scenario.control
     highest = highest_feed(scenario)
     radius = 0.5 * work.diameter
-    spindle_speed = spindle_speed_at(scenario, control.initial_cutting_speed)
+    spindle_speed = 1000.0 * control.initial_cutting_speed / (np.pi * work.diameter)
     time_constant = scenario.machine.feed_time_constant
     lag = spindle_speed / 60.0 * time_constant  # [rev] by which the drive is behind
     run_up = 5.0 * lag * highest + 1.0  # [mm] in which it settles
@@ -296,7 +228,12 @@ M2
 
 
 def run(
-    policy: str, scenario: Path | str, bars: int, seed: int, fault: Fault | None = None
+    policy: str,
+    scenario: Path | str,
+    bars: int,
+    seed: int,
+    fault: Fault | None = None,
+    decisions: Path | None = None,
 ) -> list[dict[str, float]]:
     """Run a policy through LinuxCNC; return the plant's log, one row per cycle.
 
@@ -306,6 +243,7 @@ def run(
         bars: number of bars to cut.
         seed: determines bars and edges.
         fault: fault to cause while the program runs.
+        decisions: text file for every decision.
 
     Raises:
         LinuxCncError: LinuxCNC is not installed, or did not run the program to its end.
@@ -323,8 +261,11 @@ def run(
         log = folder / "log.csv"
         _write_lathe(folder, loaded)
         (folder / "bars.ngc").write_text(program(loaded, bars))
-        serving = ["drive", "--policy", policy, "--scenario", scenario]
-        planting = ["plant", "--seed", str(seed), "--log", str(log), "--scenario", scenario]
+        serving = ["turning_control", "drive", "--policy", policy, "--scenario", scenario]
+        if decisions is not None:
+            serving += ["--log", str(decisions.resolve())]
+        planting = ["turning_control.plant", "--scenario", scenario, "--seed", str(seed)]
+        planting += ["--log", str(log)]
         plans: dict[str, dict[str, Any]] = {
             "turning": _controller_plan(loaded, serving),
             "plant": _plant_plan(loaded, planting),
@@ -375,9 +316,9 @@ def _plant_plan(scenario: Scenario, arguments: list[str]) -> dict[str, Any]:
 
 
 def _command(arguments: list[str]) -> list[str]:
-    """Return the command that runs this program from LinuxCNC, which sets paths of its own."""
+    """Return the command that runs a module from LinuxCNC, which sets paths of its own."""
     paths = os.pathsep.join([os.getcwd(), *filter(None, sys.path)])
-    return ["env", f"PYTHONPATH={paths}", sys.executable, "-m", "turning_control", *arguments]
+    return ["env", f"PYTHONPATH={paths}", sys.executable, "-m", *arguments]
 
 
 def _read_log(log: Path) -> list[dict[str, float]]:

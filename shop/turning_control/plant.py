@@ -1,13 +1,21 @@
 """The plant: the process that a lathe without hardware lacks, fed by the control's actual motion.
 
 It is the simulation's transition with hidden hardness, depth and wear, but without its drives,
-because the control moves. ``linuxcnc.py`` connects it with a control.
+because the control moves. ``hal_bridge.py`` starts it as the simulated lathe's process:
+
+python -m turning_control.plant --scenario override --log plant.csv
 """
 
+import csv
 import math
+from pathlib import Path
 
 import numpy as np
+from turning_control.pins import FEED_MOTION, Pins
+from turning_control.readings import force_reading
+from turning_control.streams import standard_streams_taken
 
+from turning_env.console import Parser, described, exits
 from turning_env.numerics.compilation import FIRST_ENV, ONE_ENV, compiled_entry
 from turning_env.physics.drives import lag_share
 from turning_env.physics.lathe import run_step, start_episode
@@ -23,6 +31,7 @@ STATES = (
     "thrust_force",
     "power",
     "depth_of_cut",
+    "cutting",
     "edge",
     "measured_power",
     "measured_thrust_force",
@@ -141,3 +150,78 @@ def move_plant(states, parameters, scratches, actions):  # type: ignore[no-untyp
     """Run the transition over one sub-step of the length in the parameters."""
     scratch = scratches[0]
     run_step(states[0], scratch.work, scratch.report, actions, ONE_ENV, parameters[0])
+
+
+def serve(scenario: Scenario, seed: int, log: Path, bridge: Pins) -> None:
+    """Answer the plant's pins until the bridge's requests end, and log every cycle to a file."""
+    work = scenario.workpiece
+    # The first call compiles, which must not delay the first answer.
+    Plant(scenario, seed).advance(0.01, along=0.0, spindle_speed=100.0, velocity=0.0, in_feed=False)
+    plant = Plant(scenario, seed)
+    time_before: float | None = None
+    writer: csv.DictWriter[str] | None = None
+    with log.open("w", newline="") as file:
+        for pins in bridge:
+            seconds = 0.001 if time_before is None else pins["time"] - time_before
+            time_before = pins["time"]
+            along = work.approach + pins["position"]
+            on_bar = 0.0 <= along < work.approach + work.bar_length
+            at_feed = pins["motion-type"] == FEED_MOTION and on_bar
+            values = plant.advance(
+                max(seconds, 1e-4),
+                along,
+                spindle_speed=abs(pins["spindle-speed"]),
+                velocity=pins["feed-velocity"],
+                in_feed=at_feed,
+            )
+            row = {
+                "time": pins["time"],
+                "seconds": seconds,
+                "at_feed": int(at_feed),
+                "adaptive_feed": pins["adaptive-feed"],
+                "delay": pins["delay"],
+                **values,
+            }
+            if writer is None:
+                writer = csv.DictWriter(file, list(row))
+                writer.writeheader()
+            writer.writerow(row)
+            bridge.answer(
+                power=values["measured_power"],
+                thrust_force=values[f"measured_{force_reading(scenario)}"],
+                edge=int(values["edge"]),
+            )
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Answer lines of pins (JSON) with simulated loads until they end; return the exit status."""
+    parser = Parser(prog="python -m turning_control.plant", **described(__doc__))
+    parser.add_argument(
+        "--scenario",
+        default="override",
+        metavar="NAME",
+        help="preset or TOML file (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--seed",
+        type=int,
+        default=0,
+        metavar="N",
+        help="determines bars and edges (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--log", type=Path, required=True, metavar="CSV", help="file for every cycle"
+    )
+    options = parser.parse_args(arguments)
+
+    def run() -> int:
+        scenario = Scenario.load(options.scenario)
+        with standard_streams_taken() as streams:
+            serve(scenario, options.seed, options.log, Pins(*streams))
+        return 0
+
+    return exits(ValueError, OSError)(run)()
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

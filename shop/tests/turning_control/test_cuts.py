@@ -181,10 +181,10 @@ def test_a_sheet_gives_calibrate_the_law_that_the_machine_had(
             turner.cut(4.0, power, spindle_speed=spindle_speed, feed=feed)
     record = turner.write(tmp_path / "log.csv")
     sheet = tmp_path / "cuts.csv"
-    words = ["cuts", str(record), "--x", "radius", "--depth", "2", "--wear", "0"]
-    assert main([*words, "--out", str(sheet)]) == 0
+    words = ["log", str(record), "--x", "radius", "--depth", "2", "--wear", "0"]
+    assert main([*words, "--cuts", str(sheet)]) == 0
     assert "9 cuts" in capsys.readouterr().err
-    assert main([*words, "--out", str(sheet)]) == 2  # it exists
+    assert main([*words, "--cuts", str(sheet)]) == 2  # it exists
 
     fitted = calibrate(read_measurements(sheet), Scenario.load("rough_turning")).fits["power"].law
     assert fitted.feed == pytest.approx(0.75, abs=1e-3)
@@ -194,4 +194,4 @@ def test_a_sheet_gives_calibrate_the_law_that_the_machine_had(
 def test_another_file_is_no_record(tmp_path: Path) -> None:
     path = tmp_path / "sheet.csv"
     path.write_text("cutting_speed,feed\n1,2\n")
-    assert main(["cuts", str(path), "--out", str(tmp_path / "cuts.csv")]) == 2
+    assert main(["log", str(path), "--cuts", str(tmp_path / "cuts.csv")]) == 2

@@ -453,11 +453,18 @@ def test_the_simulated_figures_are_those_of_the_documentation() -> None:
     assert "| programmed | simulation | 22.4" in table  # docs/connect_a_lathe.md
 
 
-# Parts of the command lines of processes that belong to the demo.
-DEMO = ("hal_bridge.py", "panel.py", "turning_control drive", "milltask", "rtapi_app")
+# Parts of the command lines of processes that belong to the simulated lathe.
+PROCESSES = (
+    "hal_bridge.py",
+    "panel.py",
+    "turning_control drive",
+    "turning_control.plant",
+    "milltask",
+    "rtapi_app",
+)
 
 
-def running(names: tuple[str, ...] = DEMO) -> list[str]:
+def running(names: tuple[str, ...] = PROCESSES) -> list[str]:
     """Return the command lines of processes that have one of these names in them."""
     lines = []
     for path in Path("/proc").glob("[0-9]*/cmdline"):
@@ -538,13 +545,14 @@ def test_a_policy_of_wrong_answers_is_stopped_before_the_tool_reaches_the_bar() 
 
 @needs_linuxcnc
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_a_signal_ends_the_demo_with_all_its_processes(number: signal.Signals) -> None:
-    command = [sys.executable, "-m", "turning_control", "demo", "--policies", "programmed"]
-    demo = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+def test_a_signal_ends_the_simulated_lathe_with_all_its_processes(number: signal.Signals) -> None:
+    command = [sys.executable, "-m", "turning_control", "drive", "--simulated"]
+    command += ["--policy", "programmed"]
+    drive = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     limit = time.monotonic() + 60.0
     while not running(("panel.py",)) and time.monotonic() < limit:
         time.sleep(0.1)
     time.sleep(2.0)
-    demo.send_signal(number)
-    assert demo.wait(60.0) != 0
+    drive.send_signal(number)
+    assert drive.wait(60.0) != 0
     assert running() == []

@@ -1,9 +1,10 @@
-"""The commands ``log`` and ``cuts`` of ``python -m turning_control``."""
+"""The command ``log`` of ``python -m turning_control``: records of machines, and their cuts."""
 
 import argparse
 import signal
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,18 @@ from turning_control.security_options import add_security, security_of
 from turning_env.console import DONE, UserError, number_within
 
 MIN_INTERVAL = 0.01  # [s]
+# Options that only ``--cuts`` uses.
+OF_CUTS = (
+    "x",
+    "diameter",
+    "rated_power",
+    "idle_power",
+    "depth",
+    "wear",
+    "edge",
+    "fresh",
+    "overwrite",
+)
 
 
 def log(options: argparse.Namespace) -> int:
@@ -24,10 +37,23 @@ def log(options: argparse.Namespace) -> int:
     linuxcnc (on this computer). Nothing is written to the machine. A lost connection is made again;
     what cannot be had afterwards is a gap, which the record names. Interrupt with Ctrl-C.
 
+    With --cuts, SOURCE is such a record, whose cuts become rows of a sheet for calibrate. A cut is
+    a stretch at feed, with the power above that of idling, at one cutting speed and feed. Its power
+    is the mean without its ends, less the idle power: that of the spindle turning at about this
+    speed while no axis feeds. Depth of cut and wear are not known to a control: fill them in, or
+    state one for all cuts.
+
     python -m turning_control log opc.tcp://192.0.2.1:4840 --out log.csv
     python -m turning_control log http://192.0.2.1:5000 --list
     python -m turning_control log linuxcnc --pin spindle_power=drive.power-kw --out log.csv
+    python -m turning_control log log.csv --cuts cuts.csv --x diameter --depth 2
+    python -m turning_control log log.csv --cuts cuts.csv --diameter 60 --rated-power 15
     """
+    if options.cuts is not None:
+        return _find_cuts(options)
+    misplaced = _stated(options, OF_CUTS)
+    if misplaced:
+        raise UserError(f"{misplaced[0]} is for the cuts of a record, --cuts FILE")
     source = _source(options)
     if options.list:
         print("\n".join(source.found()))
@@ -54,10 +80,14 @@ def log(options: argparse.Namespace) -> int:
     return DONE
 
 
-def add_log_options(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of ``log``."""
     add = parser.add_argument
-    add("source", metavar="SOURCE", help="opc.tcp://HOST:PORT, http://HOST:PORT or linuxcnc")
+    add(
+        "source",
+        metavar="SOURCE",
+        help="opc.tcp://HOST:PORT, http://HOST:PORT or linuxcnc; with --cuts a record",
+    )
     add("--out", type=Path, metavar="CSV", help="record to write, line by line")
     add("--append", action="store_true", help="continue a record, from where it ends")
     add("--list", action="store_true", help="print what the machine offers, and record nothing")
@@ -92,6 +122,7 @@ def add_log_options(parser: argparse.ArgumentParser) -> None:
         help="LinuxCNC: HAL pin or signal with a quantity in the record's unit; may be repeated",
     )
     add_security(parser)
+    _add_cuts_options(parser)
 
 
 def _pin(text: str) -> tuple[str, str]:
@@ -136,23 +167,28 @@ def _source(options: argparse.Namespace) -> record.Source:
         )
     raise UserError(
         f"SOURCE is {name!r}, but must begin with opc.tcp:// (OPC UA), http:// or https:// "
-        "(MTConnect), or be linuxcnc"
+        "(MTConnect), or be linuxcnc; the cuts of a record need --cuts FILE"
     )
 
 
-def find(options: argparse.Namespace) -> int:
-    """Write the cuts of a record into a sheet, one per row, which calibrate reads.
+def _stated(options: argparse.Namespace, names: Sequence[str]) -> list[str]:
+    """Return which of some options, that have no default, the user states."""
+    stated = []
+    for name in names:
+        value = getattr(options, name)
+        if value is not None and value is not False:  # 0 is stated
+            stated.append(f"--{name.replace('_', '-')}")
+    return stated
 
-    A cut is a stretch at feed, with the power above that of idling, at one cutting speed and feed.
-    Its power is the mean without its ends, less the idle power: that of the spindle turning at
-    about this speed while no axis feeds. Depth of cut and wear are not known to a control:
-    fill them in, or state one for all cuts.
 
-    python -m turning_control cuts log.csv --x diameter --depth 2 --out cuts.csv
-    python -m turning_control cuts log.csv --diameter 60 --rated-power 15 --out cuts.csv
-    """
-    if options.out.exists() and not options.overwrite:
-        raise UserError(f"{options.out} exists; --overwrite replaces it")
+def _find_cuts(options: argparse.Namespace) -> int:
+    """Write the cuts of a record into a sheet, one per row."""
+    misplaced = _stated(options, ("out", "append", "list", "duration"))
+    if misplaced:
+        raise UserError(f"{misplaced[0]} is for a machine, but --cuts reads a record")
+    sheet = options.cuts
+    if sheet.exists() and not options.overwrite:
+        raise UserError(f"{sheet} exists; --overwrite replaces it")
     settings = cuts.Settings(
         x=options.x,
         diameter=options.diameter,
@@ -163,24 +199,22 @@ def find(options: argparse.Namespace) -> int:
         edge=options.edge,
         is_fresh=options.fresh,
     )
-    record = cuts.read_record(options.record, settings)
-    result = cuts.find_cuts(record, settings)
-    cuts.write_sheet(result.cuts, settings, options.out)
+    result = cuts.find_cuts(cuts.read_record(Path(options.source), settings), settings)
+    cuts.write_sheet(result.cuts, settings, sheet)
     for note in result.notes:
         print(note, file=sys.stderr)
-    print(options.out)
+    print(sheet)
     return DONE
 
 
-def add_cuts_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of ``cuts``."""
-    add = parser.add_argument
+def _add_cuts_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options that find the cuts of a record."""
+    add = parser.add_argument_group("cuts of a record").add_argument
 
     def add_number(name: str, low: float, high: float, unit: str, text: str) -> None:
         add(name, type=number_within(low, high, unit=unit), metavar="X", help=f"{text} [{unit}]")
 
-    add("record", type=Path, metavar="RECORD", help="file of python -m turning_control log")
-    add("--out", type=Path, required=True, metavar="CSV", help="sheet to write")
+    add("--cuts", type=Path, metavar="CSV", help="sheet to write from the record SOURCE")
     add(
         "--x",
         choices=("radius", "diameter"),
