@@ -21,17 +21,15 @@ from numpy.typing import NDArray
 
 from baselines import law_errors
 from baselines.models.kalman_steps import FORCE, POWER
-from baselines.models.load_filter import LoadFilter, NominalModel, Outlook, model_of
+from baselines.models.load_filter import LoadFilter, Outlook, Prior, model_of
+from baselines.models.nominal_models import NominalModels, Values, scenario_of, values_of
 from baselines.optimiser import plays
 from baselines.rule import Array, Mask
 from turning_env import FamilyEnv, FamilyVectorEnv, Reading, Scenario
 from turning_env.numerics.functions import log
 from turning_env.numerics.wear_term import log_wear_term, term_over_criterion
 from turning_env.observation import read
-from turning_env.physics.quantities import layout
 from turning_env.policy import Actions, Observations, Policy
-from turning_env.scenario.scenario import flat
-from turning_env.scenario.scenario_batch import ScenarioBatch
 
 LIMIT = 10.0  # highest absolute value of an entry
 MIN_DEVIATION = 1e-9
@@ -75,14 +73,6 @@ ENTRIES = (
 )
 """Names of the entries [-], each limited to -10..10."""
 
-_CHOICE = "spindle.short_time_load"
-"""This value decides which entries an observation has, so it is the same in all environments."""
-
-
-def _values(scenario: Scenario) -> dict[str, Any]:
-    """Return the values of a nominal model by dotted names."""
-    return flat(scenario.model_dump(exclude={"name", "nominal_model"}))
-
 
 class Belief:
     """Estimates in many environments with a nominal model each, as numbers of order one.
@@ -95,6 +85,7 @@ class Belief:
     Attributes:
         filter: the filter.
         scenario: the nominal models side by side.
+        entries: number of entries of an observation without a context and a belief.
 
     Raises:
         ValueError: actions do not set speed and feed, or force is not measured.
@@ -112,17 +103,10 @@ class Belief:
         num_envs = len(scenarios)
         self._errors = law_errors.read() if learns_laws else None
         self.filter = LoadFilter(scenarios, num_envs, self._errors)
-        self._models: dict[int, tuple[dict[str, Any], NominalModel]] = {}
-        self.entries = len(layout(scenarios[0]))  # of an observation without a belief
-
-        # ``assign`` writes to the arrays of this batch.
-        values = [_values(scenario) for scenario in scenarios]
-        first_values = values[0]
-        self._numbers: dict[str, Any] = {}
-        for name, value in first_values.items():
-            if isinstance(value, float) and name != _CHOICE:
-                self._numbers[name] = np.array([model[name] for model in values])
-        self.scenario = ScenarioBatch(first_values | self._numbers, num_envs)
+        self._models: dict[int, tuple[Values, Prior]] = {}
+        self._nominal = NominalModels(scenarios)
+        self.scenario = self._nominal.scenario
+        self.entries = self._nominal.entries
 
     def assign(self, env_index: int, number: int, scenario: Callable[[int], Scenario]) -> None:
         """Give an environment another nominal model and forget its estimates.
@@ -137,16 +121,13 @@ class Belief:
         """Give an environment another nominal model, as ``assign``, but do not keep the model."""
         self._set_model(env_index, self._numbers_and_model(nominal))
 
-    def _numbers_and_model(self, nominal: Scenario) -> tuple[dict[str, Any], NominalModel]:
+    def _numbers_and_model(self, nominal: Scenario) -> tuple[Values, Prior]:
         """Return the numbers of one nominal model, for the entries and for the filter."""
-        return _values(nominal), model_of([nominal], self._errors)
+        return values_of(nominal), model_of([nominal], self._errors)
 
-    def _set_model(
-        self, env_index: int, numbers_and_model: tuple[dict[str, Any], NominalModel]
-    ) -> None:
+    def _set_model(self, env_index: int, numbers_and_model: tuple[Values, Prior]) -> None:
         values, model = numbers_and_model
-        for name, numbers in self._numbers.items():
-            numbers[env_index] = values[name]
+        self._nominal.set(env_index, values)
         self.filter.assign(env_index, model)
 
     def observe(self, observations: Observations, mask: Mask | None = None) -> Observations:
@@ -238,9 +219,7 @@ class Belief:
 
 def _belief_of(env: Any, num_envs: int) -> Belief:
     """Return a belief for the environments of a wrapper."""
-    scenario = getattr(env.unwrapped, "scenario", None)
-    if not isinstance(scenario, Scenario):
-        raise ValueError(f"a belief needs a RoughTurning environment, but this is {env.unwrapped}")
+    scenario = scenario_of(env, "a belief")
     return Belief([scenario.nominal()] * num_envs, bool(scenario.nominal_model))
 
 

@@ -29,7 +29,7 @@ from baselines.models.part_program import (
     on_program,
     on_speed_and_feed,
 )
-from baselines.rule import Array, Mask, Range, Rule
+from baselines.rule import Array, Mask, Rule, TuningRange
 from turning_env import Reading, Scenario, read
 from turning_env.action import towards
 from turning_env.numerics.functions import exp, log, sine_and_cosine
@@ -245,7 +245,7 @@ def holds_roughness_by_feed(scenario: Scenario) -> bool:
     return holds_roughness(scenario) and scenario.material.thrust_force.feed > 0.0
 
 
-FORCE_SHARE = Range(0.2, 1.1, logarithmic=True)
+FORCE_SHARE = TuningRange(0.2, 1.1, logarithmic=True)
 
 RULES = {
     "constant_force": Rule(

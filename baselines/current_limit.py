@@ -150,7 +150,7 @@ class Smoother:
         return np.asarray(np.sqrt(sum_of_squares / self.count))
 
 
-class Estimate(NamedTuple):
+class ForceAndFeed(NamedTuple):
     """Force and feed of one moment; arrays of shape (num_envs,)."""
 
     force: Array  # thrust force [N]
@@ -187,7 +187,7 @@ class ForceEstimator:
     def reset(self, mask: Mask) -> None:
         self._smoother.reset(mask)
 
-    def update(self, reading: Reading) -> Estimate:
+    def update(self, reading: Reading) -> ForceAndFeed:
         """Return the estimate after the next reading, of ``delay`` samples ago."""
         turns_per_minute = reading.cutting_speed * self._parameters.revolutions_per_metre[0]
         has_begun = self._smoother.count[:, 0] > 0
@@ -209,7 +209,7 @@ class ForceEstimator:
             )
         feed = smooth[CHIP_FEED]
         # The filter overshoots.
-        return Estimate(
+        return ForceAndFeed(
             force=np.maximum(force, 0.0),
             feed=np.clip(feed, self._machine.feed_min, self._machine.feed_max),
         )

@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 
 from baselines.models.part_program import PROGRAM
-from baselines.rule import Array, Range, Rule
+from baselines.rule import Array, Rule, TuningRange
 from turning_env import Scenario, read
 from turning_env.action import sets_speed_and_feed, towards
 from turning_env.policy import Actions, Observations, Policy
@@ -87,7 +87,7 @@ RULES = {
         "the best constant override on the tuning seeds",
         _build_override,
         plays=lambda scenario: scenario.control.action == "override",
-        parameters={"override": Range(0.1, 2.0, logarithmic=True)},
+        parameters={"override": TuningRange(0.1, 2.0, logarithmic=True)},
         worth_tuning=True,
     ),
 }

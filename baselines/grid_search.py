@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from baselines.models.process import Scales
-from baselines.rule import Array, Mask, Range, Rule
+from baselines.rule import Array, Mask, Rule, TuningRange
 from turning_env import Scenario, read
 from turning_env.action import sets_speed_and_feed, towards
 from turning_env.numerics.compilation import compiled, compiled_entry
@@ -53,7 +53,7 @@ class Grid(NamedTuple):
     feeds: Array  # [mm/rev]
 
 
-class Limits(NamedTuple):
+class StepLimits(NamedTuple):
     """Limits at the end of a step."""
 
     force: float  # [N]
@@ -154,10 +154,10 @@ def search(parameters, speeds, feeds, interval, states, chosen):
         state = states[i]
         start = state.start
         end = state.start + interval
-        limits = Limits(state.force_limit, state.power_limit, used_life=1.0)
+        limits = StepLimits(state.force_limit, state.power_limit, used_life=1.0)
         best = best_pair(p, speeds, feeds, state.used_life, start, end, limits)
         if best.speed < 0:  # the nominal edge is worn out
-            limits = Limits(state.force_limit, state.power_limit, used_life=np.inf)
+            limits = StepLimits(state.force_limit, state.power_limit, used_life=np.inf)
             best = best_pair(p, speeds, feeds, state.used_life, start, end, limits)
         if best.speed < 0:
             best = Pair(len(speeds) - 1, 0)
@@ -227,7 +227,7 @@ RULES = {
         "power, with a margin, both tuned",
         GridSearch,
         plays=_plays,
-        parameters={"margin": Range(0.80, 1.05), "smoothing": Range(0.05, 1.0)},
+        parameters={"margin": TuningRange(0.80, 1.05), "smoothing": TuningRange(0.05, 1.0)},
         worth_tuning=True,
     ),
 }

@@ -26,7 +26,7 @@ import numpy as np
 
 from baselines.constant_force import force_of_roughness, holds_roughness_by_feed
 from baselines.models.part_program import PartProgram, on_override, on_program
-from baselines.rule import Array, Mask, Range, Rule
+from baselines.rule import Array, Mask, Rule, TuningRange
 from turning_env import Reading, read
 from turning_env.numerics.conversions import spindle_speed_at
 from turning_env.numerics.functions import exp, log, real_power
@@ -210,9 +210,9 @@ class PowerLead(LeadControl):
         return self._target
 
 
-TIME = Range(0.005, 0.5, logarithmic=True)
+TIME = TuningRange(0.005, 0.5, logarithmic=True)
 """Time constants [s]: half an interval of these tasks to several times their longest lag."""
-APPROACH = Range(0.5, 2.0)
+APPROACH = TuningRange(0.5, 2.0)
 
 RULES = {
     "constant_force_lead": Rule(
@@ -229,7 +229,7 @@ RULES = {
         on_program(PowerLead),
         plays=lambda scenario: on_override(scenario) and scenario.material.power.feed > 0.0,
         parameters={
-            "target": Range(0.7, 1.0),
+            "target": TuningRange(0.7, 1.0),
             "estimate_time": TIME,
             "response_time": TIME,
             "approach": APPROACH,

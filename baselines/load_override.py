@@ -19,7 +19,7 @@ from baselines.models.part_program import (
     override_rules,
     target_load,
 )
-from baselines.rule import Array, Mask, Range, Rule
+from baselines.rule import Array, Mask, Rule, TuningRange
 from turning_env import Reading, read
 from turning_env.action import sets_feed
 from turning_env.numerics.functions import exp, log, real_power
@@ -247,9 +247,9 @@ class AirGapControl(Policy):
         return program.act(reading, override)
 
 
-_TARGET = Range(0.7, 1.0)
-_GAIN = Range(1.0, 40.0, logarithmic=True)
-_SLOW = Range(0.1, 5.0, logarithmic=True)
+_TARGET = TuningRange(0.7, 1.0)
+_GAIN = TuningRange(1.0, 40.0, logarithmic=True)
+_SLOW = TuningRange(0.1, 5.0, logarithmic=True)
 
 RULES = {
     "programmed_feed": Rule(
@@ -281,10 +281,10 @@ RULES = {
         parameters={
             "target": _TARGET,
             "gain": _GAIN,
-            "extreme": Range(2.0, 5.0),
+            "extreme": TuningRange(2.0, 5.0),
             "wear": 1.5,  # a pass is too short to reach it
         },
-        with_speed={**SPEED_AND_TARGET, "gain": 1.0, "extreme": 2.0, "wear": Range(1.2, 2.0)},
+        with_speed={**SPEED_AND_TARGET, "gain": 1.0, "extreme": 2.0, "wear": TuningRange(1.2, 2.0)},
         changes_edges=True,
     ),
     **override_rules(
@@ -294,8 +294,8 @@ RULES = {
         controller=AirGapControl,
         parameters={
             "target": _TARGET,
-            "entry": Range(0.3, 2.0),
-            "rise": Range(1.0, 50.0, logarithmic=True),
+            "entry": TuningRange(0.3, 2.0),
+            "rise": TuningRange(1.0, 50.0, logarithmic=True),
         },
         with_speed={**SPEED_AND_TARGET, "entry": 1.0, "rise": _SLOW},
         plays=lambda scenario: scenario.material.power.feed > 0,

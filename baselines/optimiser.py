@@ -25,7 +25,7 @@ from baselines.models.edge_value import EXPECTED_LAWS, PRICED_SPREAD, PRICES, pr
 from baselines.models.feed_search import ENVIRONMENT, MOMENT, POINT, SET_POINT
 from baselines.models.kalman_steps import FORCE, POWER, decay
 from baselines.models.load_filter import LoadFilter, Outlook, records
-from baselines.rule import Array, Mask, Range, Rule, Scenarios
+from baselines.rule import Array, Mask, Rule, Scenarios, TuningRange
 from turning_env import Reading, Scenario, read
 from turning_env.action import sets_speed_and_feed, towards
 from turning_env.numerics.functions import exp, hypotenuse, log
@@ -363,8 +363,8 @@ def optimising(description: str, optimiser: Callable[..., Optimiser], version: i
         optimiser,
         plays=plays,
         parameters={
-            "severity": Range(0.5, 4.0, logarithmic=True),
-            "caution": Range(0.5, 2.0, logarithmic=True),
+            "severity": TuningRange(0.5, 4.0, logarithmic=True),
+            "caution": TuningRange(0.5, 2.0, logarithmic=True),
         },
         version=version,
         changes_edges=True,

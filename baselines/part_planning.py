@@ -13,13 +13,14 @@ from typing import NamedTuple
 import numpy as np
 
 from baselines.models.process import Process
-from baselines.rule import Array, Range, Rule
+from baselines.rule import Array, Rule, TuningRange
 from baselines.trivial import ConstantActions
 from baselines.two_limits import ECONOMIC_OPTIMUM, MIN_DEPTH, TWO_LIMITS, set_point
 from turning_env import Scenario, read
 from turning_env.action import set_point_action
 from turning_env.numerics.functions import exp, log, real_power
 from turning_env.policy import Actions, Observations, Policy
+from turning_env.scenario.laws import machining_cost
 
 MIN_WEAR = 0.1
 """Wear of a fresh edge over the criterion [-]: without wear, nothing would limit the force."""
@@ -124,7 +125,8 @@ class RuledParts(Policy):
         )
         edges = np.where(depths > 0.0, minutes / exp(log_life), 0.0)
         made = np.arange(passes_max) < passes[:, np.newaxis]
-        costs = minutes + self._scenario.machine.return_time + process.edge_price * edges
+        with_return = minutes + self._scenario.machine.return_time
+        costs = machining_cost(with_return, edges, process.edge_price)
         cost = np.sum(made * costs, axis=1)
         # Even at the lowest feed, a pass may be too deep for a further limit.
         for limit in process.further.values():
@@ -195,7 +197,7 @@ def _parts_rule(rule: str, corrected: bool) -> Rule:
         f"{kind}: speed and feed by {name}, path {path} (Sharmazanashvili 2008); margins tuned",
         build,
         plays=plays,
-        parameters={"margin": Range(0.6, 1.1), "first_margin": Range(0.3, 1.1)},
+        parameters={"margin": TuningRange(0.6, 1.1), "first_margin": TuningRange(0.3, 1.1)},
         worth_tuning=rule in ("MT", "PN") and not corrected,
         published=True,
     )
@@ -208,9 +210,9 @@ RULES: dict[str, Rule] = {
         _fixed_plan,
         plays=lambda scenario: scenario.control.action == "part",
         parameters={
-            "passes": Range(0.5, 4.5),
-            "cutting_speed": Range(0.0, 1.0),
-            "feed": Range(0.0, 1.0),
+            "passes": TuningRange(0.5, 4.5),
+            "cutting_speed": TuningRange(0.0, 1.0),
+            "feed": TuningRange(0.0, 1.0),
         },
         worth_tuning=True,
     ),

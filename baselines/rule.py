@@ -20,7 +20,7 @@ Scenarios = Scenario | Sequence[Scenario]  # a task, or one for each environment
 
 
 @dataclass(frozen=True)
-class Range:
+class TuningRange:
     """The range within which a parameter is tuned."""
 
     low: float
@@ -38,7 +38,7 @@ class Rule:
     """Builds the policy from a scenario, a number of environments, and the parameters by name."""
     plays: Callable[[Scenario], bool]
     """Returns whether a scenario offers the actions and the inputs that the controller needs."""
-    parameters: Mapping[str, float | Range]
+    parameters: Mapping[str, float | TuningRange]
     """Fixed numbers, and ranges of parameters to tune."""
     version: int = 1
     """Version, raised when its actions change.
@@ -63,11 +63,11 @@ class Rule:
     """
 
     @property
-    def ranges(self) -> dict[str, Range]:
+    def ranges(self) -> dict[str, TuningRange]:
         """Parameters to tune."""
         ranges = {}
         for name, value in self.parameters.items():
-            if isinstance(value, Range):
+            if isinstance(value, TuningRange):
                 ranges[name] = value
         return ranges
 
@@ -76,7 +76,7 @@ class Rule:
         """Parameters that are not tuned."""
         fixed = {}
         for name, value in self.parameters.items():
-            if not isinstance(value, Range):
+            if not isinstance(value, TuningRange):
                 fixed[name] = value
         return fixed
 

@@ -13,7 +13,7 @@ from gymnasium.spaces import Box, Space
 from numpy.typing import NDArray
 
 from baselines.policy_spec import PolicySpec
-from leaderboard.agents.sandbox import LIMITS, AgentFileError, Limits, load
+from leaderboard.agents.sandbox import LIMITS, AgentFileError, ProcessLimits, load
 from leaderboard.sb3_observations import ADVICE, normalisation
 from leaderboard.torch_module import ModulePolicy, is_module
 from turning_env.policy import Actions, Observations, Policy, PolicyFactory
@@ -22,7 +22,7 @@ MAX_PARTS = 4  # parts of a tuple that an error lists
 
 
 def as_factory(
-    policy: Any, limits: Limits = LIMITS, space: Space[Any] | None = None
+    policy: Any, limits: ProcessLimits = LIMITS, space: Space[Any] | None = None
 ) -> PolicyFactory:
     """Return a function that makes the policy for a number of environments.
 
@@ -239,7 +239,7 @@ def _same_bounds(space: Any, expected: Any) -> bool:
     return bool(same_low and same_high)
 
 
-def _onnx(path: Path, limits: Limits) -> PolicyFactory:
+def _onnx(path: Path, limits: ProcessLimits) -> PolicyFactory:
     if path.is_dir():
         raise ValueError(
             "is a folder: give an ONNX file, such as python -m train.export writes of a training"

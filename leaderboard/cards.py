@@ -13,7 +13,7 @@ from baselines.guided import HOLD
 from baselines.policy_spec import PolicySpec
 from leaderboard import columns, table
 from leaderboard.agents import agent_file
-from leaderboard.agents.agent_file import ONNX_SUFFIX, AgentFile, Space, family_of
+from leaderboard.agents.agent_file import ONNX_SUFFIX, AgentFile, Space, training_family
 from leaderboard.inputs import CLASSES, RUN_TIME_INPUTS, TRAINING_INPUTS, Inputs
 from leaderboard.policies import SUMS
 from leaderboard.ranking import Leaderboard, read_leaderboard
@@ -161,7 +161,7 @@ def _agents_in(folder: Path) -> dict[str, list[AgentFile]]:
         except (OSError, ValueError) as error:
             raise ResultError(str(error)) from error
         metadata = file.metadata
-        home = family_of(metadata.env_id, metadata.parameters) or metadata.scenario
+        home = training_family(metadata.env_id, metadata.parameters) or metadata.scenario
         place = Path(metadata.env_id) / home.name / f"{metadata.label}{ONNX_SUFFIX}"
         if place.parts != path.parts[-3:]:
             raise ResultError(

@@ -7,35 +7,25 @@
 """
 
 import argparse
-import re
-import shlex
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from baselines.policy_spec import PolicySpec
-from leaderboard import game, maintenance, policies, run, score_command, table, verify
-from leaderboard.agents.agent_file import NAME
-from leaderboard.family import family_task
-from leaderboard.ranking import Leaderboard, read_leaderboards
-from leaderboard.result import (
-    ResultError,
-    Task,
-    result_folder,
-    shipped_seeds,
-    start_results,
-)
-from leaderboard.seeds import held_out_seeds
+from leaderboard import game, maintenance, run_command, score_command, table, verify
+from leaderboard.ranking import read_leaderboards
+from leaderboard.report import PAGE, notify_left_out, print_tables, write_page
+from leaderboard.result import ResultError
 from leaderboard.shared_options import (
     SPLITS_ENV_ID,
     add_agents_folder,
+    add_json,
     add_project_results,
     add_results,
-    chosen_scenario,
+    add_workers,
     result_folders,
 )
 from leaderboard.workers import WorkersError, workers
-from turning_env import ALL_IDS, FAMILY_ID, SPLITS, Family, Scenario, ScenarioError
+from turning_env import ALL_IDS, ScenarioError
 from turning_env.console import (
     DONE,
     FAILED,
@@ -46,14 +36,10 @@ from turning_env.console import (
     positive,
     print_json,
     printable,
-    whole_number,
 )
-from turning_env.files import digest_of, write_file
 from turning_env.scenario.arguments import environment_id
 
-PAGE = "index.html"
 MEMORY = Path("results/verified.json")
-DEFAULT_SEEDS = 256  # number of seeds where no results come with the project
 
 Command = Callable[[argparse.Namespace], int | None]
 
@@ -70,10 +56,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         interrupted="interrupted: finished results are kept; run the same command again to go on",
         checks=command is _verify,
     )
-    def run_command() -> int:
+    def status() -> int:
         return command(options) or DONE
 
-    return run_command()
+    return status()
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -88,7 +74,7 @@ def _parser() -> argparse.ArgumentParser:
         added.set_defaults(command=command)
         return added
 
-    _add_run_options(add(_run, "play policies, print the ranking and write the page"))
+    run_command.add_to(commands)
     score_command.add_to(commands)
     _add_show_options(add(_show, "print the ranking"))
     _add_verify_options(add(_verify, "play results again; fail if any differs"))
@@ -96,304 +82,6 @@ def _parser() -> argparse.ArgumentParser:
     game.add_to(commands)
     maintenance.add_to(commands)
     return parser
-
-
-def _run(options: argparse.Namespace) -> None:
-    """Play policies on held-out seeds, print the ranking and write the page. Existing results stay.
-
-    Results of agents are named after their files: team1.onnx, or team1-seed3.onnx for one of
-    several training seeds. An agent that is refused or fails stops no other: the command lists the
-    reasons and ends with status 2.
-
-    An empty folder starts with the results that come with the project, if they are of the same
-    scenario and seeds. On RoughTurning-Family-v0, each seed is a job; controllers are built from
-    each job's nominal model.
-
-    python -m leaderboard run --seeds 16 --policies fixed_tuned predictive --jobs 2
-    python -m leaderboard run --policy my_module:MyPolicy
-    python -m leaderboard run --agents my-agents/ppo.onnx --private-key KEY --results private
-    python -m leaderboard run --env RoughTurning-Family-v0 --policies self_tuning --knows true_laws
-    """
-    if options.seeds is None:
-        options.seeds = held_out_seeds(_default_seeds(options))
-    tasks = _tasks(options)
-    refused = policies.Refusals()
-    runs = []
-    # Load all policies first: errors are found before anything is played.
-    for task in tasks:
-        # Controllers play splits as they are tuned for the scenario itself.
-        tuned_on = None if task is tasks[0] else tasks[0].scenario
-        runs.append(_task_run(options, task, tuned_on, refused=refused))
-    failed = list(refused.values())
-    for reason in failed:
-        # The others play for minutes, and whoever mistyped a path need not wait for them.
-        print(f"left out: {reason}", file=sys.stderr, flush=True)
-    with workers(options.jobs, options.scheduler) as over:
-        for task_run in runs:
-            start_results(task_run.folder, task_run.task)
-        try:
-            run.play_all(runs, options.fresh, over, replace=options.replace)
-        except run.PoliciesFailedError as error:
-            failed += error.reasons
-    try:
-        ranked_tasks = {task_run.folder: task_run.task for task_run in runs}
-        leaderboards = read_leaderboards(options.results, ranked_tasks)
-    except ResultError as error:
-        # That there are no results follows from the failures, so these are the message.
-        raise ResultError(_failures(failed or [error])) from None
-    _report(leaderboards, runs, options)
-    if failed:
-        raise ResultError(_failures(failed))
-
-
-def _add_run_options(parser: argparse.ArgumentParser) -> None:
-    add_results(parser)
-    _add_json(parser)
-    _add_workers(parser)
-    add = parser.add_argument
-    add(
-        "--agents",
-        nargs="*",
-        type=Path,
-        default=[],
-        metavar="AGENT",
-        help="ONNX files, which train.export makes of training runs",
-    )
-    add(
-        "--env",
-        type=environment_id,
-        choices=ALL_IDS,
-        default=SPLITS_ENV_ID,
-        help=f"the environment's id (default: {SPLITS_ENV_ID})",
-    )
-    add("--scenario", metavar="PRESET_OR_TOML", help="scenario or family instead of the id's own")
-    add(
-        "--seeds",
-        type=_seeds,
-        metavar="SEEDS",
-        help="number of held-out seeds, or jobs (default: those of the results that come with the "
-        f"project, else {DEFAULT_SEEDS})",
-    )
-    add(
-        "--private-key",
-        type=_private_key,
-        metavar="KEY",
-        help="16 characters or more that determine other seeds, and other jobs of a family; give "
-        "these --results of their own",
-    )
-    add(
-        "--policies",
-        nargs="*",
-        metavar="NAME",
-        help="rule-based controllers (default: all that are tuned for the scenario)",
-    )
-    add(
-        "--policy",
-        type=_like(
-            r"[\w.]+:[\w.]+",
-            "MODULE:OBJECT, such as my_module:MyPolicy; --agents takes ONNX files",
-        ),
-        metavar="MODULE:OBJECT",
-        help="a policy of your own code, such as my_module:MyPolicy; played again each time",
-    )
-    add(
-        "--name",
-        type=_like(NAME, "a name of at most 128 letters, digits, _, . and -"),
-        help="name of your own agents or policy (default: that of the file or object, after my_ if "
-        "a policy of the project has it)",
-    )
-    add(
-        "--keep-names",
-        action="store_true",
-        help="let agents take the names of those that come with the project",
-    )
-    add(
-        "--agent-time",
-        type=positive,
-        metavar="SECONDS",
-        help="processor time [s] that an agent's file may use for all seeds; a slower one is "
-        "skipped (default: 600)",
-    )
-    add(
-        "--splits",
-        action="store_true",
-        help=f"also play the splits: of {SPLITS_ENV_ID} {', '.join(SPLITS)}; of a family all "
-        "held-out jobs",
-    )
-    add(
-        "--split-seeds",
-        type=_seeds,
-        default="32",
-        metavar="SEEDS",
-        help="number of held-out seeds on each split (default: 32)",
-    )
-    add("--fresh", action="store_true", help="play again, even if results exist")
-    add(
-        "--replace",
-        action="store_true",
-        help="let a policy replace the result of another file, or of other code, with the same "
-        "name (default: refuse it)",
-    )
-    add("--split", metavar="NAME", help="split of a family (default: unseen_jobs)")
-    add(
-        "--knows",
-        choices=("nominal", "true_wear", "true_laws"),
-        default="nominal",
-        help="model from which controllers of a family are built: nominal models, or these with "
-        "the true wear law or all true laws",
-    )
-    add(
-        "--forgets",
-        action="store_true",
-        help="policies of a family forget everything at each change of the edge",
-    )
-
-
-def _default_seeds(options: argparse.Namespace) -> int:
-    """Return the number of seeds on which a policy ranks among those that come with the project."""
-    if options.env == FAMILY_ID:
-        return DEFAULT_SEEDS
-    return shipped_seeds(options.env, chosen_scenario(options).name) or DEFAULT_SEEDS
-
-
-def _tasks(options: argparse.Namespace) -> list[Task]:
-    """Return the tasks to play, on public seeds.
-
-    Jobs of a family are those of the private key, if there is one.
-    """
-    if options.env == FAMILY_ID:
-        return _family_tasks(options)
-    if options.split or options.forgets or options.knows != "nominal":
-        raise ResultError(
-            f"--split, --knows and --forgets are of {FAMILY_ID}, not of {options.env}"
-        )
-    task = Task(env_id=options.env, scenario=chosen_scenario(options), seeds=options.seeds)
-    if not options.splits:
-        return [task]
-    if options.env != SPLITS_ENV_ID:
-        raise ResultError(
-            f"there are no splits of {options.env}, only of {SPLITS_ENV_ID} and {FAMILY_ID}"
-        )
-    tasks = [task]
-    for name in SPLITS:
-        changes = {"scenario": Scenario.load(name), "seeds": options.split_seeds}
-        tasks.append(task.model_copy(update=changes))
-    return tasks
-
-
-def _family_tasks(options: argparse.Namespace) -> list[Task]:
-    """Return the tasks on a family to play: that on the given split, and those on all others."""
-    family = Family.load(options.scenario or "shop")
-    if options.private_key:
-        # The key determines the jobs of all splits but the training jobs.
-        values = family.model_dump(exclude_none=True) | {"held_out_key": options.private_key}
-        family = Family.load(values)
-    num_jobs = len(options.seeds)
-    tasks = [family_task(family, options.split, num_jobs)]
-    if options.splits:
-        for split in family.splits:
-            if split in ("train", "validation"):
-                continue
-            task = family_task(family, split, num_jobs)
-            # The first task may be one of them.
-            if task.digest != tasks[0].digest:
-                tasks.append(task)
-    return tasks
-
-
-def _task_run(
-    options: argparse.Namespace,
-    task: Task,
-    tuned_on: Scenario | None,
-    refused: policies.Refusals,
-) -> run.TaskRun:
-    """Load the policies that play a task; add agents that cannot to ``refused``."""
-    private = None
-    if options.private_key:
-        private = run.private_seeds(options.private_key, len(task.seeds))
-        # The task names the seeds by their places and their digest.
-        changes = {"seeds": list(range(len(private))), "private": digest_of(private)}
-        task = task.model_copy(update=changes)
-    agents = policies.agents(
-        options.agents,
-        task,
-        name=options.name,
-        keep=options.keep_names,
-        seconds=options.agent_time,
-        refused=refused,
-        forgets=options.forgets,
-    )
-    code_policies = []
-    if options.policy:
-        policy = policies.policy_of_code(options.policy, task, options.name)
-        if policy.label in {agent.label for agent in agents}:
-            raise ResultError(
-                f"{options.policy} and an agent's file are both called {policy.label}: "
-                "rename the file"
-            )
-        code_policies.append(policy)
-    controllers = policies.named(
-        options.policies,
-        task,
-        tuned_on=tuned_on,
-        skip=True,
-        knows=options.knows,
-        forgets=options.forgets,
-    )
-    chosen: list[PolicySpec] = [*controllers, *agents, *code_policies]
-    if not chosen:
-        advice = "name a policy that is tuned for the scenario, or give an agent"
-        nothing = ResultError(f"nothing to play: {advice}")
-        raise ResultError(_failures(list(refused.values()) or [nothing]))
-    folder = result_folder(options.results, task.env_id, task.scenario.name)
-    return run.TaskRun(task, chosen, folder=folder, private=private)
-
-
-def _report(
-    leaderboards: Sequence[Leaderboard],
-    runs: Sequence[run.TaskRun],
-    options: argparse.Namespace,
-) -> None:
-    """Print the rankings that were played and write the page of all.
-
-    The last lines say where the agents stand, what prints all numbers, and where the page is.
-    """
-    digests = {task_run.task.digest for task_run in runs}
-    played = [leaderboard for leaderboard in leaderboards if leaderboard.task.digest in digests]
-    if options.json:
-        print_json(table.as_data(played))
-    else:
-        _print_tables(played, table.ranking_table)
-    _notify_left_out(played)
-    path = options.results / PAGE
-    _write_page(leaderboards, path)
-    notes = sys.stderr if options.json else sys.stdout
-    labels = {policy.label for task_run in runs for policy in task_run.policies}
-    for leaderboard in played:
-        lines = table.agent_places(leaderboard, labels) + table.same_returns(leaderboard, labels)
-        for line in lines:
-            print(line, file=notes)
-    print(f"all numbers: {_show_command(options.results, played)}", file=notes)
-    print(f"wrote {path}", file=notes)
-
-
-def _show_command(results: Path, leaderboards: Sequence[Leaderboard]) -> str:
-    """Return the command that prints all numbers of leaderboards."""
-    words = ["python", "-m", "leaderboard", "show", "--results", str(results)]
-    if len(leaderboards) == 1:
-        task = leaderboards[0].task
-        words += ["--env", task.env_id, "--scenario", task.scenario.name]
-    else:
-        words.append("--all")
-    return shlex.join(words)
-
-
-def _failures(reasons: Sequence[ResultError]) -> str:
-    """Return the reason why a policy did not play, or a list of several."""
-    if len(reasons) == 1:
-        return str(reasons[0])
-    lines = [f"- {reason}" for reason in reasons]
-    return "\n".join([f"{len(reasons)} reasons:", *lines])
 
 
 def _show(options: argparse.Namespace) -> None:
@@ -423,8 +111,8 @@ def _show(options: argparse.Namespace) -> None:
     if options.json:
         print_json(table.as_data(leaderboards))
     else:
-        _print_tables(leaderboards, table.render)
-    _notify_left_out(leaderboards)
+        print_tables(leaderboards, table.render)
+    notify_left_out(leaderboards)
     if not options.all and len(result_folders(options.results)) > 1:
         print("--all prints the other leaderboards", file=sys.stderr)
 
@@ -449,7 +137,7 @@ def _aggregated(options: argparse.Namespace) -> str:
 
 def _add_show_options(parser: argparse.ArgumentParser) -> None:
     add_results(parser)
-    _add_json(parser)
+    add_json(parser)
     add = parser.add_argument
     add(
         "--env",
@@ -508,7 +196,7 @@ def _page(options: argparse.Namespace) -> None:
     python -m leaderboard page --results leaderboard/results --out page.html
     """
     path = options.out or options.results / PAGE
-    _write_page(read_leaderboards(options.results), path)
+    write_page(read_leaderboards(options.results), path)
     print(f"wrote {path}")
 
 
@@ -578,7 +266,7 @@ def _replay(
 def _add_verify_options(parser: argparse.ArgumentParser) -> None:
     add_project_results(parser)
     add_agents_folder(parser)
-    _add_workers(parser)
+    add_workers(parser)
     add = parser.add_argument
     add("--env", type=environment_id, choices=ALL_IDS, help="only results of this id")
     add("--scenario", metavar="NAME", help="only results on this scenario")
@@ -613,75 +301,3 @@ def _add_verify_options(parser: argparse.ArgumentParser) -> None:
         help="file of the results verified so far, so that the same command resumes (default: "
         "%(default)s)",
     )
-
-
-def _print_tables(
-    leaderboards: Sequence[Leaderboard], text_of: Callable[[Leaderboard], str]
-) -> None:
-    """Print rankings, and costs over splits if there are any."""
-    for leaderboard in leaderboards:
-        print(text_of(leaderboard) + "\n")
-    across = table.across(leaderboards)
-    if across is not None:
-        print(table.render_across(across) + "\n")
-
-
-def _notify_left_out(leaderboards: Sequence[Leaderboard]) -> None:
-    """Name results on other tasks on stderr."""
-    left_out = []
-    for leaderboard in leaderboards:
-        left_out += leaderboard.left_out
-    if left_out:
-        names = ", ".join(left_out)
-        notice = f"left out, as scenario values, seeds or versions differ: {names}"
-        print(printable(notice), file=sys.stderr)
-
-
-def _write_page(leaderboards: Sequence[Leaderboard], path: Path) -> None:
-    from leaderboard import page  # needed only here: imports Jinja2
-
-    write_file(path, page.render(leaderboards))
-
-
-def _add_json(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--json", action="store_true", help="print JSON with all numbers and their units"
-    )
-
-
-def _add_workers(parser: argparse.ArgumentParser) -> None:
-    group = parser.add_mutually_exclusive_group()
-    group.add_argument(
-        "--jobs", type=positive, default=1, metavar="N", help="number of processes (default: 1)"
-    )
-    group.add_argument(
-        "--scheduler",
-        metavar="URL",
-        help="play on the workers of a Dask cluster, such as tcp://host:8786",
-    )
-
-
-def _seeds(text: str) -> list[int]:
-    """Return held-out seeds, as an argparse type: their number."""
-    try:
-        return held_out_seeds(whole_number(text))
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(str(error)) from error
-
-
-def _private_key(text: str) -> str:
-    """Return a private key, as an argparse type: seeds are derived from its bytes in UTF-8."""
-    if not text.isprintable():
-        raise argparse.ArgumentTypeError("a private key must consist of printable characters")
-    return text
-
-
-def _like(pattern: str, meaning: str) -> Callable[[str], str]:
-    """Return an argparse type: a text of a pattern."""
-
-    def checked(text: str) -> str:
-        if not re.fullmatch(pattern, text):
-            raise argparse.ArgumentTypeError(f"{text!r} is not {meaning}")
-        return text
-
-    return checked

@@ -118,7 +118,9 @@ def extra_names(family: Family) -> list[str]:
     return names
 
 
-def rule(name: str, task: Task, knows: Knowledge = "nominal", forgets: bool = False) -> PolicySpec:
+def rule_on_family(
+    name: str, task: Task, knows: Knowledge = "nominal", forgets: bool = False
+) -> PolicySpec:
     """Return a controller, tuned on the family or its base, or the oracle, as it plays a family.
 
     ``knows`` and ``forgets`` name a variant: see ``PolicySpec``. Raise ValueError if the policy
@@ -173,7 +175,7 @@ def rule(name: str, task: Task, knows: Knowledge = "nominal", forgets: bool = Fa
     return policy.model_copy(update=changes)
 
 
-def agent(policy: PolicySpec, task: Task, forgets: bool = False) -> PolicySpec:
+def agent_on_family(policy: PolicySpec, task: Task, forgets: bool = False) -> PolicySpec:
     """Return an agent, or a policy of one's own code, as it plays a family's task."""
     plays = FamilyPlay(family_of(task), _part_of(task).split, policy=policy, forgets=forgets)
     return policy.model_copy(update={"forgets": forgets, "compute": plays})

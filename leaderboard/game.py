@@ -276,9 +276,9 @@ def add_to(commands: Any) -> None:
     parser = commands.add_parser(
         "play",
         help="play a lathe by hand, beside the best rule",
-        **described(play.__doc__),
+        **described(play_by_hand.__doc__),
     )
-    parser.set_defaults(command=play)
+    parser.set_defaults(command=play_by_hand)
     _add_options(parser)
 
 
@@ -327,7 +327,7 @@ def _add_options(parser: argparse.ArgumentParser) -> None:
 
 
 @exits(Error)
-def play(options: argparse.Namespace) -> int:
+def play_by_hand(options: argparse.Namespace) -> int:
     """Play a lathe by hand in a window, beside the best rule on the same bars.
 
     Left and right change the cutting speed, up and down the feed, E changes the edge if the task

@@ -293,7 +293,7 @@ def one_named(
     """
     try:
         if task.of_family:
-            return family.rule(name, task, knows=knows, forgets=forgets)
+            return family.rule_on_family(name, task, knows=knows, forgets=forgets)
         if name in ORACLES:
             oracle = ORACLES[name](task.scenario)
             if oracle is not None:
@@ -462,7 +462,7 @@ def fitted(spec: PolicySpec, task: Task, forgets: bool = False) -> PolicySpec:
     Raise ValueError if it cannot play it.
     """
     if task.of_family:
-        return family.agent(spec, task, forgets)
+        return family.agent_on_family(spec, task, forgets)
     check_fits(spec, task.scenario)
     return spec.model_copy(update={"make": informed(spec, task.scenario)})
 

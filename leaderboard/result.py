@@ -321,7 +321,7 @@ class ResultFile(Part):
         return self
 
 
-class Entry(Part):
+class ManifestEntry(Part):
     """One policy's result in a manifest: means over episodes."""
 
     version: int
@@ -353,7 +353,7 @@ class Manifest(Part):
     """The task that is ranked in a folder, and a summary of each policy's result."""
 
     task: Task
-    results: dict[str, Entry]  # entries by the policy's label
+    results: dict[str, ManifestEntry]  # entries by the policy's label
 
     def text(self) -> str:
         """Return the manifest as JSON, a line per policy."""
@@ -454,7 +454,7 @@ def write_result(result: Result, folder: Path) -> None:
 def write_manifest(folder: Path, task: Task) -> None:
     """Write the manifest of a folder: the task that is ranked there and its results."""
     entries = {
-        label: Entry.of(result)
+        label: ManifestEntry.of(result)
         for label, result in read_results(folder).items()
         if result.task.digest == task.digest
     }

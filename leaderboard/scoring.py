@@ -16,12 +16,12 @@ import numpy as np
 
 from baselines.policy_spec import PolicySpec
 from leaderboard.adapt import as_factory
-from leaderboard.agents.sandbox import LIMITS, Limits
+from leaderboard.agents.sandbox import LIMITS, ProcessLimits
 from leaderboard.play import Episodes, play, play_family
 from leaderboard.result import ExcessShares
 from leaderboard.seeds import MAX_SEEDS, held_out_seeds, tuning_seeds
 from leaderboard.standings import Overload, Played, Standing, rank_together
-from leaderboard.statistics import Estimate, Feasibility
+from leaderboard.statistics import VERDICTS_IN_WORDS, Estimate
 from turning_env import ALL_IDS, FAMILY_ID
 from turning_env.batch.driver import observation_space
 from turning_env.scenario import Scenario
@@ -213,7 +213,7 @@ class Score:
 
     def _line_of(self, other: Standing) -> _Line:
         """Return the line of another policy."""
-        verdict = _NOTES[other.overload.feasibility]
+        verdict = _note(other)
         if other.kind == "oracle":
             notes = ["oracle"]
         elif other.unranked:
@@ -235,7 +235,7 @@ class Score:
             policy="-> this policy",
             mean_return=_interval(self.mean_return),
             ahead="",
-            note=_NOTES[self.overload.feasibility],
+            note=_note(self.standing),
         )
 
     def __str__(self) -> str:
@@ -249,11 +249,10 @@ class Score:
         if rival is not None:
             ahead = _interval(self.standing.ahead_of(rival), sign="+")
             parts.append(f"{ahead} against {rival.name}")
-        if self.feasible:
-            parts.append("feasible")
-        else:
-            share = f"{self.overload.severe_share:.1%} of cutting time in severe overload"
-            parts.append(f"{_NOTES[self.overload.feasibility]}: {share}")
+        verdict = VERDICTS_IN_WORDS[self.overload.feasibility]
+        if not self.feasible:
+            verdict += f": {self.overload.severe_share:.1%} of cutting time in severe overload"
+        parts.append(verdict)
         lines = [", ".join(parts)]
         if self.warning:
             lines.append(f"no rank: {self.warning}")
@@ -331,11 +330,10 @@ HELD_OUT_NOTICE = (
 VALIDATION_NOTICE = "validation seeds: for choices; ranks are on the held-out seeds"
 UNCOMPARED_NOTICE = "validation seeds: for choices; no policy that ships has played them all"
 
-_NOTES: dict[Feasibility, str] = {
-    "feasible": "",
-    "not shown": "feasibility not shown",
-    "infeasible": "infeasible",
-}
+
+def _note(standing: Standing) -> str:
+    """Return the verdict on feasibility, unless it is favourable."""
+    return "" if standing.feasible else VERDICTS_IN_WORDS[standing.overload.feasibility]
 
 
 def score(
@@ -343,7 +341,7 @@ def score(
     env_id: str = "RoughTurning-v0",
     seeds: int | None = None,
     family: str | None = None,
-    limits: Limits = LIMITS,
+    limits: ProcessLimits = LIMITS,
     split: Split = "held_out",
 ) -> Score:
     """Play a policy on seeds of an id, and compare it with every policy that ships.
@@ -373,7 +371,9 @@ def score(
               needs onnxruntime. The file may come from anywhere: it plays in a process of its own
               (``leaderboard.agents.sandbox``). All else runs in this process.
         env_id: id of the environment and of its leaderboard. On the family, seeds are numbers of
-            unseen jobs, and observations hold the nominal model's numbers.
+            unseen jobs, and observations hold the nominal model's numbers. These tell the job, and
+            the jobs are published, so a file could hold an answer for each: a claim of the
+            challenge counts on private jobs only (``leaderboard run --private-key``).
         seeds: number of seeds; None: all that the leaderboard has, 256 for RoughTurning-v0, or
             256 validation seeds.
         family: preset of a family, if ``env_id`` is the family's; None: ``DEFAULT_FAMILY``.

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from leaderboard.result import MANIFEST_FILE
 from turning_env import IDS, Scenario
+from turning_env.console import positive
 from turning_env.scenario.arguments import refuse_family
 
 OWN_RESULTS = Path("results")  # folder that a user's runs write to
@@ -51,4 +52,24 @@ def add_agents_folder(parser: argparse.ArgumentParser) -> None:
         type=Path,
         default=Path("agents"),
         help="folder of agents' ONNX files (default: %(default)s)",
+    )
+
+
+def add_json(parser: argparse.ArgumentParser) -> None:
+    """Add the choice of JSON as output."""
+    parser.add_argument(
+        "--json", action="store_true", help="print JSON with all numbers and their units"
+    )
+
+
+def add_workers(parser: argparse.ArgumentParser) -> None:
+    """Add processes or a cluster that play."""
+    group = parser.add_mutually_exclusive_group()
+    group.add_argument(
+        "--jobs", type=positive, default=1, metavar="N", help="number of processes (default: 1)"
+    )
+    group.add_argument(
+        "--scheduler",
+        metavar="URL",
+        help="play on the workers of a Dask cluster, such as tcp://host:8786",
     )

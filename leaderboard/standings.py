@@ -30,6 +30,7 @@ from leaderboard.statistics import (
     score_of,
 )
 from turning_env import SPLITS, Scenario
+from turning_env.scenario.laws import machining_cost
 
 LARGEST = 3
 """Number of the largest differences that a mean leaves out, to show whether a few seeds decide."""
@@ -482,7 +483,13 @@ def total_minutes(episodes: Mapping[str, Floats], scenario: Scenario) -> Floats:
 
 def _cost_minutes(episodes: Mapping[str, Floats], scenario: Scenario) -> Floats:
     """Return the cost [min] of each episode: time and edges."""
-    return total_minutes(episodes, scenario) + scenario.economics.edge_cost * episodes["edges_used"]
+    return np.asarray(
+        machining_cost(
+            total_minutes(episodes, scenario),
+            episodes["edges_used"],
+            scenario.economics.edge_cost,
+        )
+    )
 
 
 def _share(parts: Floats, wholes: Floats) -> float:

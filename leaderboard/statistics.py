@@ -27,6 +27,12 @@ from turning_env.scenario import Scenario
 Floats = NDArray[np.float64]
 Feasibility = Literal["feasible", "not shown", "infeasible"]
 
+VERDICTS_IN_WORDS: dict[Feasibility, str] = {
+    "feasible": "feasible",
+    "not shown": "feasibility not shown",
+    "infeasible": "infeasible",
+}
+
 CONFIDENCE = 0.95
 RESAMPLES = 2000
 KEY = 709  # fixed, so that the same episodes give the same limit

@@ -18,7 +18,7 @@ from leaderboard.columns import (
 from leaderboard.ranking import Leaderboard
 from leaderboard.result import ResultError
 from leaderboard.standings import About, Costs, Leads, Operation, Overload, Standing, ranked_by
-from leaderboard.statistics import Feasibility, Mean
+from leaderboard.statistics import VERDICTS_IN_WORDS, Feasibility, Mean
 from turning_env import SPLITS
 from turning_env.scenario.section import names_instead
 
@@ -232,7 +232,7 @@ def agent_places(leaderboard: Leaderboard, labels: Collection[str]) -> list[str]
 def _agent_merit(standing: Standing) -> str:
     """Return a line on an agent's feasibility and its lead over the best rule."""
     overload = f"severe overload in {standing.overload.severe_share:.2%} of cutting time"
-    feasibility = _FEASIBILITY[standing.overload.feasibility]
+    feasibility = VERDICTS_IN_WORDS[standing.overload.feasibility]
     leads = standing.leads
     if leads.over_best_rule is None:
         return f"{feasibility}: {overload}"
@@ -264,11 +264,6 @@ VERDICTS: dict[Feasibility, str] = {"feasible": "yes", "not shown": "not shown",
 It follows from the confidence limits of the share of severe overload: see
 ``leaderboard.statistics``.
 """
-_FEASIBILITY: dict[Feasibility, str] = {
-    "feasible": "feasible",
-    "not shown": "feasibility not shown",
-    "infeasible": "infeasible",
-}
 MARKS: dict[Feasibility, str] = {"feasible": "", "not shown": " ?", "infeasible": " NO"}
 """Feasibility beside a number."""
 MEANING = "NO: infeasible; ?: feasibility not shown"

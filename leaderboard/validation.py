@@ -27,7 +27,7 @@ def write(results: Path) -> Iterator[Path]:
     """
     for board in boards():
         task = task_of(board, VALIDATION_SEEDS)
-        played = [_play(name, task) for name in names(board, results)]
+        played = [_play(name, task) for name in names_to_play(board, results)]
         text = returns_text(
             board.env_id, played, versions=versions(result.policy for result in played)
         )
@@ -47,7 +47,7 @@ def task_of(board: Board, seeds: int) -> Task:
     return Task(env_id=board.env_id, scenario=scenario, seeds=tuning_seeds(seeds))
 
 
-def names(board: Board, results: Path) -> list[str]:
+def names_to_play(board: Board, results: Path) -> list[str]:
     """Return the names of the policies that play: the score's ends, and the best rule."""
     leaderboard = read_leaderboard(board.folder(results))
     scenario = leaderboard.task.scenario

@@ -26,9 +26,9 @@ from leaderboard.policies import CLAIRVOYANT, agent_files, agents, one_named
 from leaderboard.result import (
     MANIFEST_FILE,
     MAX_BYTES,
-    Entry,
     ExcessShares,
     Manifest,
+    ManifestEntry,
     Result,
     ResultError,
     read_part,
@@ -241,7 +241,7 @@ def _examine_folder(
 ) -> None:
     """Add the selected results of a folder to those examined, and the complaints about them."""
     manifest = folder / MANIFEST_FILE
-    entries: dict[str, Entry] = {}
+    entries: dict[str, ManifestEntry] = {}
     if manifest.is_file():
         try:
             entries = read_part(Manifest, manifest).results
@@ -256,7 +256,7 @@ def _examine_folder(
             player = player_of(result, files)
             if player is None:
                 examined.without_file += 1
-            if entries.get(label) != Entry.of(result):
+            if entries.get(label) != ManifestEntry.of(result):
                 raise ResultError(
                     f"{manifest.name} beside it says otherwise: run python -m leaderboard run again"
                 )

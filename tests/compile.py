@@ -6,7 +6,7 @@ The machine code is kept on disk, so a second run takes a few seconds.
 
 import numpy as np
 
-from baselines.oracles.clairvoyant import Grid, bounds
+from baselines.oracles.clairvoyant import StateGrid, bounds
 from baselines.oracles.perfect_blanks import PerfectBlanks
 from baselines.oracles.perfect_load import PerfectLoad
 from baselines.warm_up import warm_up_rules
@@ -40,7 +40,7 @@ def compile_pictures() -> None:
 
 def compile_bounds() -> None:
     """Compute the bounds of the oracles on coarse grids."""
-    bounds(Scenario(), tuning_seeds(1), Grid(cell=10.0, lives=60, speeds=8))
+    bounds(Scenario(), tuning_seeds(1), StateGrid(cell=10.0, lives=60, speeds=8))
     belief_bound.bound(Scenario(), seed=0, stretch=50.0, lives=10)
     override = Scenario.load("override")
     brief = changed(override, workpiece={"bar_length": 1.0, "depth_profile": []})

@@ -248,8 +248,12 @@ class MutantFinder(importlib.abc.MetaPathFinder, importlib.abc.Loader):
         exec(self._code, module.__dict__)
 
 
-def put_in(file: str, mutant: Mutant) -> None:
-    """Let this process run a mutant in place of a file."""
+def put_in(file: str, mutant: Mutant, *, import_again: bool) -> None:
+    """Let this process run a mutant in place of a file.
+
+    Its functions get new code. With ``import_again``, or if code outside of functions differs, all
+    modules are imported again, which takes longer.
+    """
     path = str(ROOT / file)
     source = Path(path).read_text("utf-8")
     before = compile(source, path, "exec", dont_inherit=True)
@@ -260,6 +264,8 @@ def put_in(file: str, mutant: Mutant) -> None:
         if isinstance(thing, FunctionType) and thing.__code__.co_filename == path:
             functions.setdefault(thing.__code__, []).append(thing)
     try:
+        if import_again:
+            raise NeedsImportError
         for function, code in list(swapped(before, after, functions)):
             function.__code__ = code
     except (NeedsImportError, ValueError):
@@ -281,7 +287,7 @@ def run_tests(tests: str, *options: str) -> int:
     return int(pytest.main(arguments))
 
 
-def in_a_fork(file: str, mutant: Mutant | None) -> int:
+def in_a_fork(file: str, mutant: Mutant | None = None, *, import_again: bool = False) -> int:
     """Run the tests of a mutant in a process of its own; return its status, 0 if they pass."""
     child = os.fork()
     if child == 0:
@@ -292,7 +298,7 @@ def in_a_fork(file: str, mutant: Mutant | None) -> int:
             os.dup2(silence, 1)
             os.dup2(silence, 2)
             if mutant is not None:
-                put_in(file, mutant)
+                put_in(file, mutant, import_again=import_again)
             status = run_tests(test_file_of(file))
         finally:
             os._exit(status)
@@ -306,9 +312,11 @@ def survivors_of(file: str, mutants: list[Mutant]) -> list[Mutant]:
         return mutants
     # The imports of the tests, once for all mutants.
     run_tests(test_file_of(file), "--collect-only", "-qq")
-    if in_a_fork(file, None) != 0:
+    if in_a_fork(file) != 0:
         raise RuntimeError(f"the tests of {file} fail without any edit")
-    return [mutant for mutant in mutants if in_a_fork(file, mutant) == 0]
+    survivors = [mutant for mutant in mutants if in_a_fork(file, mutant) == 0]
+    # What modules compute as they are imported is from before the edit, so try those again.
+    return [mutant for mutant in survivors if in_a_fork(file, mutant, import_again=True) == 0]
 
 
 def chosen_files(names: list[str]) -> list[str]:

@@ -44,7 +44,7 @@ _DIGITS = 4  # significant ones, enough to draw
 Floats = NDArray[np.float64]
 
 
-class Training(BaseModel):
+class LearningCurve(BaseModel):
     """Learning curve of one training."""
 
     model_config = ConfigDict(frozen=True, allow_inf_nan=False)
@@ -89,7 +89,7 @@ class Trainings(BaseModel):
 
     env_id: str
     scenario: ScenarioId  # the scenario or the family
-    trainings: dict[str, Training]  # curves by name and training seed, such as ppo-seed0
+    trainings: dict[str, LearningCurve]  # curves by name and training seed, such as ppo-seed0
 
     @classmethod
     def read(cls, path: Path) -> Self:
@@ -142,8 +142,8 @@ def read(sources: Sequence[Path], name: str | None = None) -> Trainings:
     Raises:
         ValueError: the trainings are not comparable, or one is given more than once.
     """
-    from_files: dict[str, Training] = {}
-    from_runs: dict[str, Training] = {}
+    from_files: dict[str, LearningCurve] = {}
+    from_runs: dict[str, LearningCurve] = {}
     tasks: dict[tuple[str, ScenarioId], Path] = {}
     runs: dict[str, Run] = {}
     for source in sources:
@@ -160,7 +160,7 @@ def read(sources: Sequence[Path], name: str | None = None) -> Trainings:
                 )
             task = (run.env_id, run.task)
             label = f"{name or run.algorithm}-seed{run.seed}"
-            _add(from_runs, {label: Training.of(run)})
+            _add(from_runs, {label: LearningCurve.of(run)})
         tasks.setdefault(task, source)
         if len(tasks) > 1:
             first_source, other_source = tasks.values()
@@ -169,7 +169,7 @@ def read(sources: Sequence[Path], name: str | None = None) -> Trainings:
     return Trainings(env_id=env_id, scenario=scenario, trainings=from_files | from_runs)
 
 
-def _add(trainings: dict[str, Training], more: Mapping[str, Training]) -> None:
+def _add(trainings: dict[str, LearningCurve], more: Mapping[str, LearningCurve]) -> None:
     """Add trainings to others. Raise ValueError if one is there already."""
     twice = trainings.keys() & more
     if twice:
@@ -177,20 +177,20 @@ def _add(trainings: dict[str, Training], more: Mapping[str, Training]) -> None:
     trainings.update(more)
 
 
-def curves(trainings: Mapping[str, Training]) -> dict[str, Curve]:
+def curves(trainings: Mapping[str, LearningCurve]) -> dict[str, Curve]:
     """Return each algorithm's mean curve over the common steps of its trainings.
 
     Raises:
         ValueError: the trainings of an algorithm have no steps in common.
     """
     # Labels are a name and a training seed, such as ppo-seed0.
-    groups: dict[str, list[Training]] = {}
+    groups: dict[str, list[LearningCurve]] = {}
     for label, training in trainings.items():
         groups.setdefault(label.rpartition("-seed")[0], []).append(training)
     return {name: _mean_curve(name, group) for name, group in groups.items()}
 
 
-def _mean_curve(name: str, group: Sequence[Training]) -> Curve:
+def _mean_curve(name: str, group: Sequence[LearningCurve]) -> Curve:
     """Return the mean of some trainings, with its bootstrap interval over training seeds."""
     start = max(training.first for training in group)
     end = min(training.last for training in group)

@@ -182,7 +182,7 @@ class Student(BasePolicy):
 
 
 @dataclass(frozen=True)
-class Plan:
+class ImitationPlan:
     """The course of a training."""
 
     n_steps: int = 1000
@@ -259,7 +259,7 @@ class Dagger(BaseAlgorithm):
         *,
         dataset: str = DATASET,
         max_samples: int = 1_000_000,
-        plan: Plan = Plan(),
+        plan: ImitationPlan = ImitationPlan(),
         costs: ErrorCosts = ErrorCosts(),
         _init_setup_model: bool = True,
         **options: Any,
@@ -414,7 +414,7 @@ def new_model(run: Run, vec_env: VecEnv) -> Dagger:
         ),
         dataset=str(run.folder / DATASET),
         max_samples=rounds * labels_per_round,
-        plan=from_hyperparameters(Plan, p),
+        plan=from_hyperparameters(ImitationPlan, p),
         costs=from_hyperparameters(ErrorCosts, p),
         policy_kwargs={
             "net_arch": p["net_arch"],
@@ -427,7 +427,7 @@ def new_model(run: Run, vec_env: VecEnv) -> Dagger:
 
 
 def from_hyperparameters(record: type[Any], parameters: dict[str, Any]) -> Any:
-    """Return a ``record``, such as ``Plan``, whose fields are the hyperparameters of their names.
+    """Return a ``record``, such as ``ImitationPlan``, with the hyperparameters as its fields.
 
     ``parameters`` may hold others, too, which are left out.
     """
@@ -449,7 +449,7 @@ DEFAULTS: dict[str, Any] = {
     "reward_scale": 1.0,  # factor on rewards [s], which teach nothing here
     "belief": True,  # shows the estimates of the optimisers' filter: baselines/belief.py
 }
-DEFAULTS |= asdict(Plan()) | asdict(ErrorCosts())
+DEFAULTS |= asdict(ImitationPlan()) | asdict(ErrorCosts())
 
 SEARCH = {
     "learning_rate": FloatDistribution(3e-4, 3e-3, log=True),

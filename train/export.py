@@ -40,7 +40,7 @@ from leaderboard.agents.agent_file import (
     AgentFile,
     Metadata,
     Space,
-    family_of,
+    training_family,
 )
 from leaderboard.agents.network import session_after_trial
 from leaderboard.agents.onnx_session import OnnxPolicy
@@ -286,7 +286,7 @@ def _environments(metadata: Metadata) -> Any:
     inputs = Inputs.of(metadata.parameters)
     if inputs.guides:
         return None
-    source = family_of(metadata.env_id, metadata.parameters) or metadata.scenario
+    source = training_family(metadata.env_id, metadata.parameters) or metadata.scenario
     env = vector_env(source, NUM_ENVS, AutoresetMode.SAME_STEP)
     return VectorBeliefObservation(env) if inputs.belief else env
 

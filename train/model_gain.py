@@ -14,6 +14,11 @@ After a step, the simulator reveals the hidden depth, hardness and wear to the t
 step's cost with respect to speed and feed. A force above all that the edge has borne is charged the
 expected cost of breaking an edge of unknown strength.
 
+It is no search: training ascends its gradient, so it stands in tensors of PyTorch. The law of a
+response is ``scenario/power_law.log_response``; the rate of life, capacity, and the probability of
+breakage are those of ``scenario/laws.py`` and ``physics`` in single precision.
+``tests/train/test_model_gain.py`` compares its charges with the environment's.
+
 (Analytic gradients through a known model: Freeman et al. 2021, arXiv 2106.13281; the replaced flat
 charge: potential-based shaping, Ng et al. 1999. The combination is this project's.)
 """

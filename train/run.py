@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from baselines.policy_spec import ScenarioId
-from leaderboard.agents.agent_file import family_of
+from leaderboard.agents.agent_file import training_family
 from turning_env import FAMILY_ID, IDS, Family, Scenario
 from turning_env.files import read_regular, write_file
 from turning_env.scenario.arguments import refuse_family
@@ -255,7 +255,7 @@ class Run:
     @property
     def family(self) -> Family | None:
         """The family whose jobs are played, if any."""
-        return family_of(self.env_id, self.parameters)
+        return training_family(self.env_id, self.parameters)
 
     @property
     def task(self) -> ScenarioId:

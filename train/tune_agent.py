@@ -33,7 +33,7 @@ from tqdm import tqdm
 from leaderboard.workers import Workers, cluster, processes
 from train.run import ALGORITHMS, Run, hyperparameters, overrides, trained_on
 from train.training import SEEDS, add_task, algorithm_of, play_agent, train
-from train.tune_rules import Played, Trial, TrialLog, trials
+from train.tune_rules import SettingResult, Trial, TrialLog, trials
 from turning_env import Family, Scenario
 from turning_env.console import described, exits, whole_number
 from turning_env.files import digest_of, file_lock
@@ -53,7 +53,7 @@ MAX_OPTIONS = {
 
 
 @dataclass(frozen=True)
-class Task:
+class TuningTask:
     """A task of tuning: algorithm, environment and budget of a trial."""
 
     algorithm: str
@@ -104,7 +104,7 @@ class Task:
         return self.runs / "tuning" / self.algorithm
 
 
-def evaluate(task: Task, setting: dict[str, Any]) -> Played:
+def evaluate(task: TuningTask, setting: dict[str, Any]) -> SettingResult:
     """Train with a setting and play the agents.
 
     A training may fail, for example because it diverges.
@@ -127,14 +127,14 @@ def evaluate(task: Task, setting: dict[str, Any]) -> Played:
             folder = train(run, algorithm, wait=True).parent
             episodes.append(play_agent(folder, NUM_EPISODES))
         except ValueError as error:
-            return Played(
+            return SettingResult(
                 mean_return=-math.inf,
                 severe_share=1.0,
                 severe_limit=1.0,
                 steps=0,
                 failed=str(error),
             )
-    return Played.of(*episodes)
+    return SettingResult.of(*episodes)
 
 
 def _report(number: int, trial: Trial) -> str:
@@ -151,11 +151,11 @@ def _report(number: int, trial: Trial) -> str:
 
 
 def search(
-    task: Task,
+    task: TuningTask,
     count: int,
     over: Workers | None = None,
     parallel: int = 1,
-    evaluate: Callable[[Task, dict[str, Any]], Played] = evaluate,
+    evaluate: Callable[[TuningTask, dict[str, Any]], SettingResult] = evaluate,
 ) -> tuple[int, Trial]:
     """Resume or extend a study to ``count`` trials; return number and trial of the best.
 
@@ -246,7 +246,7 @@ def tune_agent(parsed: argparse.Namespace) -> int:
             raise ValueError(f"--{option} is {value}, but must be 1 to {largest}")
 
     defaults = hyperparameters(parsed.algorithm, parsed.env)
-    task = Task(
+    task = TuningTask(
         algorithm=parsed.algorithm,
         env_id=parsed.env,
         scenario=trained_on(parsed.env, parsed.scenario),

@@ -34,7 +34,7 @@ from tqdm import tqdm
 
 from baselines import tuned
 from baselines.catalogue import RULES, names, playable
-from baselines.rule import Parameters, Range, Rule
+from baselines.rule import Parameters, Rule, TuningRange
 from leaderboard.play import Episodes, play
 from leaderboard.seeds import tuning_seeds
 from leaderboard.statistics import Bootstrap, severe_share
@@ -53,7 +53,7 @@ With Optuna's 24, it stays farther from the limit of feasibility.
 """
 
 
-class Played(NamedTuple):
+class SettingResult(NamedTuple):
     """Result of a setting on the tuning seeds."""
 
     mean_return: float  # [s]
@@ -84,7 +84,7 @@ class Trial(NamedTuple):
     """A setting and its result."""
 
     setting: dict[str, Any]
-    played: Played
+    played: SettingResult
 
     def merit(self, allowance: float) -> tuple[bool, float]:
         """Return whether the trial is feasible, and its mean return [s]: the highest merit wins."""
@@ -113,7 +113,7 @@ class TrialLog:
             with suppress(ValueError, TypeError, RecursionError):
                 task, setting, played = json.loads(line)
                 if task == self._task:
-                    trials.append(Trial(setting, Played(*played)))
+                    trials.append(Trial(setting, SettingResult(*played)))
         return trials
 
     def append(self, trial: Trial) -> None:
@@ -128,7 +128,7 @@ def trials(
     count: int,
     log: TrialLog,
     allowance: float,
-    play: Callable[[dict[str, Any]], Played],
+    play: Callable[[dict[str, Any]], SettingResult],
     over: Workers | None = None,
     parallel: int = 1,
     **sampler: Any,
@@ -149,7 +149,7 @@ def trials(
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     study = optuna.create_study(direction="maximize")
 
-    def tell(trial: optuna.Trial, played: Played) -> Trial:
+    def tell(trial: optuna.Trial, played: SettingResult) -> Trial:
         """Tell the study a result."""
         if played.failed:
             study.tell(trial, state=TrialState.PRUNED)
@@ -185,14 +185,14 @@ def trials(
 
 def play_trial(
     name: str, rule: Rule, scenario: Scenario, setting: Parameters, seeds: Sequence[int]
-) -> Played:
+) -> SettingResult:
     """Play a rule with some parameters on seeds; note both on an exception."""
 
     def make(num_envs: int) -> Any:
         return rule.controller(scenario, num_envs, **setting)
 
     try:
-        return Played.of(play(make, scenario, seeds))
+        return SettingResult.of(play(make, scenario, seeds))
     except Exception as error:
         error.add_note(f"while tuning {name} with {setting}")
         raise
@@ -204,7 +204,7 @@ def search(
     scenario: Scenario,
     budget: dict[str, int],
     log: Path,
-    play: Callable[[str, Rule, Scenario, Parameters, Sequence[int]], Played] = play_trial,
+    play: Callable[[str, Rule, Scenario, Parameters, Sequence[int]], SettingResult] = play_trial,
 ) -> dict[str, Any]:
     """Return a rule's entry in a file of tuned parameters: the best trial and the budget of all."""
     seeds = tuning_seeds(budget["seeds"])
@@ -216,7 +216,7 @@ def search(
         first[key] = middle(values)
     task = [MODEL_VERSION, rule.version, scenario.digest(), len(seeds), rule.fixed]
 
-    def play_setting(setting: Parameters) -> Played:
+    def play_setting(setting: Parameters) -> SettingResult:
         return play(name, rule, scenario, rule.fixed | setting, seeds)
 
     played = list(
@@ -243,7 +243,7 @@ def search(
     }
 
 
-def middle(values: Range) -> float:
+def middle(values: TuningRange) -> float:
     """Return the middle of a range, geometric for a logarithmic one."""
     if values.logarithmic:
         return math.sqrt(values.low * values.high)

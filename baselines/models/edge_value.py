@@ -20,6 +20,10 @@ If edges are changed and time is limited, a second costs what it could earn else
 of time, a whole edge just pays for itself, its change and their time. If they are changed on
 command, worthless life need not be used: the price is at least 0, and the best time to change the
 edge is when it reaches 0.
+
+Every step prices the life of every environment, with exponents as the filter believes them. So the
+laws of ``scenario/laws.py`` stand here in logarithms in a compiled loop, with the highest feed at a
+speed in closed form (``laws.feed_at_limit``).
 """
 
 from typing import Any

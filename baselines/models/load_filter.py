@@ -112,7 +112,7 @@ class LoadExponents(NamedTuple):
     wear: Array
 
 
-class NominalModel(NamedTuple):
+class Prior(NamedTuple):
     """The knowledge of a filter before its first reading, for some nominal models."""
 
     parameters: Any  # records of ``numbers_of``, shape (models,)
@@ -132,7 +132,7 @@ def records(rows: Sequence[dict[str, Any]]) -> Any:
     return filled
 
 
-def model_of(scenarios: Sequence[Scenario], errors: LawErrors | None = None) -> NominalModel:
+def model_of(scenarios: Sequence[Scenario], errors: LawErrors | None = None) -> Prior:
     """Return the filter's knowledge of nominal models, whose laws have ``errors`` or are right."""
     learns_laws = errors is not None
     rows = [numbers_of(scenario, learns_laws) for scenario in scenarios]
@@ -151,7 +151,7 @@ def model_of(scenarios: Sequence[Scenario], errors: LawErrors | None = None) -> 
         rows_scaled = error_scales[:, :, np.newaxis] * errors.covariance
         mean[:, LOT:] = error_scales * errors.mean
         covariance[:, LOT:, LOT:] = rows_scaled * error_scales[:, np.newaxis, :]
-    return NominalModel(parameters, mean, covariance)
+    return Prior(parameters, mean, covariance)
 
 
 class LoadFilter:
@@ -178,7 +178,7 @@ class LoadFilter:
         self.covariance = np.zeros((num_envs, STATES, STATES))
         self.memory = np.zeros(num_envs, MEMORY)
 
-    def assign(self, env_index: int, model: NominalModel) -> None:
+    def assign(self, env_index: int, model: Prior) -> None:
         """Give an environment another nominal model, and reset it."""
         prior = self._prior
         prior.parameters[env_index] = model.parameters[0]
@@ -371,6 +371,7 @@ def numbers_of(scenario: Scenario, errors: bool) -> dict[str, Any]:
     wear = scenario.material.wear
     laws = (scenario.material.thrust_force, scenario.material.power)
 
+    # ``laws.depth_spread`` over the depth, but divided first: recorded actions have its last bits.
     depth_along = work.depth_along_spread / work.depth_of_cut
     depth_spread = hypotenuse(depth_along, work.depth_bar_spread / work.depth_of_cut)
     depth_slope = SLOPE * depth_along / work.depth_correlation_length

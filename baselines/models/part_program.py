@@ -7,17 +7,20 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from baselines.rule import Array, Mask, Parameters, Range, Rule
+from baselines.rule import Array, Mask, Parameters, Rule, TuningRange
 from turning_env import Reading, Scenario, read
 from turning_env.action import sets_speed_and_feed, towards
 from turning_env.policy import Actions, Observations, Policy
 
-PROGRAM = {"cutting_speed": Range(50.0, 200.0), "feed": Range(0.06, 0.60, logarithmic=True)}
+PROGRAM = {
+    "cutting_speed": TuningRange(50.0, 200.0),
+    "feed": TuningRange(0.06, 0.60, logarithmic=True),
+}
 """Tuned parameters of a part program if actions set speed and feed [m/min], [mm/rev].
 
 They are clipped to the machine.
 """
-SPEED_AND_TARGET = {"cutting_speed": PROGRAM["cutting_speed"], "target": Range(0.5, 1.0)}
+SPEED_AND_TARGET = {"cutting_speed": PROGRAM["cutting_speed"], "target": TuningRange(0.5, 1.0)}
 """Tuned parameters of a load controller with its own program.
 
 They are the cutting speed [m/min], and the target load over the load at the power limit [-].
@@ -102,8 +105,8 @@ def override_rules(
     name: str,
     description: str,
     controller: Callable[..., Policy],
-    parameters: Mapping[str, float | Range],
-    with_speed: Mapping[str, float | Range],
+    parameters: Mapping[str, float | TuningRange],
+    with_speed: Mapping[str, float | TuningRange],
     plays: Callable[[Scenario], bool] = lambda scenario: True,
     *,
     changes_edges: bool = False,

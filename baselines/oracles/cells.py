@@ -40,7 +40,7 @@ class Factors(NamedTuple):
     power: Any
 
 
-class Cell(NamedTuple):
+class BarCell(NamedTuple):
     """A stretch of a bar, with all numbers that do not depend on set point and edge."""
 
     number: int  # from the row's start
@@ -51,7 +51,7 @@ class Cell(NamedTuple):
     log_life_rate: float  # rate at which life is used at 1 m/min and 1 mm/rev [log 1/s]
 
 
-class Loads(NamedTuple):
+class LogLoads(NamedTuple):
     """Log force and log power over their limits at 1 m/min and 1 mm/rev."""
 
     force: float
@@ -176,7 +176,7 @@ def best_return(states, parameters, fields, cells, options, ripple, lives):
 
 @compiled
 def cell_at(p, fields, number, cells, ripple):
-    """Return the ``Cell`` of a ``number`` in the row of bars.
+    """Return the ``BarCell`` of a ``number`` in the row of bars.
 
     Its loads are those of the lowest depth in a turn, its metal that of the highest. Both raise the
     bound. ``fields``: as ``survey`` fills them in; ``cells``: number of cells of a bar;
@@ -195,7 +195,7 @@ def cell_at(p, fields, number, cells, ripple):
         + fields[LOG_WEAR_FACTOR, number]
     )
     crossing = 60.0 / p.revolutions_per_metre[0]
-    return Cell(
+    return BarCell(
         number=number,
         time=length * crossing,
         metal_value=metal * exp(fields[LOG_DEPTH, number]) * (1.0 + ripple),
@@ -207,13 +207,13 @@ def cell_at(p, fields, number, cells, ripple):
 
 @compiled
 def loads_of(p, cell, used_life):
-    """Return the ``Loads`` in a cell by an edge at a used life [-]."""
+    """Return the ``LogLoads`` in a cell by an edge at a used life [-]."""
     # The edge is taken as sharp as at the cell's start, which raises the bound.
     log_used = log(max(used_life, MIN_USED_LIFE))
     log_wear = p.log_wear_criterion[0] + p.wear_law.time[0] * log_used
     force = log_load(p.force_law, cell, log_wear, log(p.thrust_force_limit[0]))
     power = log_load(p.power_law, cell, log_wear, log(p.power_limit[0]))
-    return Loads(force, power)
+    return LogLoads(force, power)
 
 
 @compiled

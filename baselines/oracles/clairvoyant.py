@@ -32,7 +32,7 @@ _FEED_STEPS = np.array([-0.3, -0.1, 0.0, 0.03, 0.08, 0.16, 0.3])
 """Log steps from the feed at the limit."""
 
 
-class Grid(NamedTuple):
+class StateGrid(NamedTuple):
     """Grid of the dynamic programming."""
 
     cell: float = 5.0  # greatest length of a cell [mm]
@@ -40,7 +40,7 @@ class Grid(NamedTuple):
     speeds: int = 16  # cutting speeds of the ladder
 
 
-GRID = Grid()
+GRID = StateGrid()
 
 
 def covers(scenario: Scenario) -> bool:
@@ -65,7 +65,7 @@ def covers(scenario: Scenario) -> bool:
 def bounds(
     scenario: Scenario,
     seeds: Sequence[int],
-    grid: Grid = GRID,
+    grid: StateGrid = GRID,
     on_seed: Callable[[], None] = lambda: None,
     threads: int = 2,
 ) -> Array:
@@ -95,7 +95,7 @@ def bounds(
     return values
 
 
-def _bound(scenario: Scenario, seed: int, grid: Grid) -> float:
+def _bound(scenario: Scenario, seed: int, grid: StateGrid) -> float:
     """Return the bound of one seed."""
     work = scenario.workpiece
     states, parameters, scratches = block_records(scenario)
@@ -118,7 +118,7 @@ def _bound(scenario: Scenario, seed: int, grid: Grid) -> float:
         bars *= 2
 
 
-def _options(scenario: Scenario, grid: Grid) -> Options:
+def _options(scenario: Scenario, grid: StateGrid) -> Options:
     """Return the set points that are compared."""
     control = scenario.control
     machine = scenario.machine

@@ -39,7 +39,7 @@ POINTS = 7  # of a grid along one axis
 ROUNDS = 4  # of narrowing: each grid is a third as wide as the one before
 
 
-class Load(NamedTuple):
+class LoadLaw(NamedTuple):
     """A response over its limit, coefficient V^a f^b d^c H^h [-]."""
 
     coefficient: float
@@ -49,12 +49,12 @@ class Load(NamedTuple):
     hardness: float
 
 
-class Task(NamedTuple):
+class PlanningTask(NamedTuple):
     """Laws and ranges by which the plans of a scenario are compared."""
 
-    force: Load
-    power: Load
-    wear: Load  # used life per minute of cutting [1/min]
+    force: LoadLaw
+    power: LoadLaw
+    wear: LoadLaw  # used life per minute of cutting [1/min]
     log_speeds: tuple[float, float]  # range of cutting speeds [log m/min]
     log_feeds: tuple[float, float]  # range of feeds [log mm/rev]
     crossing: float  # time of a pass at 1 m/min and 1 mm/rev, without its return [min]
@@ -74,7 +74,7 @@ class Blank(NamedTuple):
     strength: float  # of the edge over the force limit [-]
 
 
-class Cut(NamedTuple):
+class UnitPass(NamedTuple):
     """A pass at 1 m/min and 1 mm/rev, arrays of shape (cells,); 0 in air."""
 
     force: Any  # over its limit [-]
@@ -90,7 +90,7 @@ class SetPoint(NamedTuple):
     cost: float  # [min]
 
 
-class Plan(NamedTuple):
+class BlankPlan(NamedTuple):
     """The plan of a blank."""
 
     passes: int
@@ -176,7 +176,7 @@ def _fields(scenario: Scenario, seed: int) -> Any:
     return fields
 
 
-def _task(scenario: Scenario) -> Task:
+def _task(scenario: Scenario) -> PlanningTask:
     """Return the laws, ranges and prices of a scenario."""
     economics = scenario.economics
     machine = scenario.machine
@@ -184,7 +184,7 @@ def _task(scenario: Scenario) -> Task:
     exponent = scenario.material.wear.time
     change = edge_price(scenario)
     pitch = work.bar_length + work.approach
-    return Task(
+    return PlanningTask(
         force=_load(scenario.material.thrust_force, scenario.limits.thrust_force),
         power=_load(scenario.material.power, scenario.limits.power),
         # A constant cut uses the life t (K / W_max)^(1 / n) in a time t (``physics/wear.py``).
@@ -200,9 +200,9 @@ def _task(scenario: Scenario) -> Task:
     )
 
 
-def _load(law: PowerLaw, limit: float, power: float = 1.0) -> Load:
+def _load(law: PowerLaw, limit: float, power: float = 1.0) -> LoadLaw:
     """Return a law over its limit, raised to a power."""
-    return Load(
+    return LoadLaw(
         coefficient=float(exp(power * (law.log_coefficient - log(limit)))),
         cutting_speed=power * law.cutting_speed,
         feed=power * law.feed,
@@ -213,11 +213,11 @@ def _load(law: PowerLaw, limit: float, power: float = 1.0) -> Load:
 
 @compiled_entry
 def best_plan(blank, task, allowances, log_speeds, log_feeds):  # type: ignore[no-untyped-def]
-    """Return the cheapest ``Plan``, and set log speed and log feed of its passes.
+    """Return the cheapest ``BlankPlan``, and set log speed and log feed of its passes.
 
     Args:
         blank: a ``Blank``, with its edge.
-        task: prices and laws, a ``Task``.
+        task: prices and laws, a ``PlanningTask``.
         allowances: allowances of the path that are compared [mm].
         log_speeds: log cutting speeds to set [log m/min], shape (passes_max,).
         log_feeds: log feeds to set [log mm/rev], likewise.
@@ -225,7 +225,7 @@ def best_plan(blank, task, allowances, log_speeds, log_feeds):  # type: ignore[n
     passes_max = len(log_speeds)
     speeds = np.empty(passes_max)
     feeds = np.empty(passes_max)
-    best = Plan(0, 0.0, np.inf)
+    best = BlankPlan(0, 0.0, np.inf)
     for passes in range(1, passes_max + 1):
         for allowance in allowances:
             cost = 0.0
@@ -239,7 +239,7 @@ def best_plan(blank, task, allowances, log_speeds, log_feeds):  # type: ignore[n
                 if cost >= best.cost:
                     break
             if cost < best.cost:
-                best = Plan(passes, allowance, cost)
+                best = BlankPlan(passes, allowance, cost)
                 log_speeds[:passes] = speeds[:passes]
                 log_feeds[:passes] = feeds[:passes]
             if passes == 1:
@@ -249,7 +249,7 @@ def best_plan(blank, task, allowances, log_speeds, log_feeds):  # type: ignore[n
 
 @compiled
 def cut_of_pass(blank, task, passes, allowance, number):  # type: ignore[no-untyped-def]
-    """Return the ``Cut`` of a pass; the first has the number 0 and cuts all above its floor.
+    """Return the ``UnitPass`` of a pass; the first has the number 0 and cuts all above its floor.
 
     The path has ``passes`` passes of one depth through an ``allowance`` [mm].
     """
@@ -257,7 +257,7 @@ def cut_of_pass(blank, task, passes, allowance, number):  # type: ignore[no-unty
     floor = (passes - 1 - number) * pitch
     ceiling = np.inf if number == 0 else floor + pitch
     cells = len(blank.depth)
-    cut = Cut(np.zeros(cells), np.zeros(cells), np.zeros(cells))
+    cut = UnitPass(np.zeros(cells), np.zeros(cells), np.zeros(cells))
     for k in range(cells):
         depth = min(blank.depth[k], ceiling) - floor
         if depth > 0.0:

@@ -72,7 +72,7 @@ class Feeds(NamedTuple):
     exponent: float  # exponent m of the feed in the law of the load [-]
 
 
-class Cut(NamedTuple):
+class CutState(NamedTuple):
     """The state of the cuts; arrays of shape (num_envs,)."""
 
     feed: Any  # actual feed [mm/rev]
@@ -121,7 +121,7 @@ class PerfectLoad(Policy):
         quickest_feeds(feed, cutting, cut, self._lags, feeds)
         return program.act(reading, feed / program.feed)
 
-    def _cut(self, cutting: Mask) -> Cut:
+    def _cut(self, cutting: Mask) -> CutState:
         """Return the state of the cuts, and store depth, hardness and path for the next step."""
         truth = self._truth
         scenario = self._program.scenario
@@ -152,7 +152,7 @@ class PerfectLoad(Policy):
         self._path = path
 
         name = "thrust_force" if self._holds_roughness else "power"
-        return Cut(
+        return CutState(
             feed=np.array(truth["feed"], np.float64),
             load=np.array(truth[name], np.float64),
             reference=self._reference(),

@@ -235,7 +235,7 @@ def description_of_training(parameters: Mapping[str, Any], steps: Any, scenario:
     return f"trained for {length} on the training jobs of family {str(name)[:64]!r}"
 
 
-def family_of(env_id: str, parameters: Mapping[str, Any]) -> Family | None:
+def training_family(env_id: str, parameters: Mapping[str, Any]) -> Family | None:
     """Return the family that a training's parameters name, if its id plays one."""
     return Family.load(parameters["family"]) if env_id == FAMILY_ID else None
 

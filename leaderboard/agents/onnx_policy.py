@@ -21,13 +21,13 @@ from leaderboard.agents.sandbox import (
     LIMITS,
     AgentFileError,
     GuardedPolicy,
-    Limits,
     PolicyMaker,
+    ProcessLimits,
     Sandbox,
 )
 
 
-def load(path: Path, limits: Limits = LIMITS) -> PolicySpec:
+def load(path: Path, limits: ProcessLimits = LIMITS) -> PolicySpec:
     """Load an agent from its file, which may come from anywhere.
 
     The file is checked, can run no code, and each play has limits. Errors of the agent's policies

@@ -61,7 +61,7 @@ def program_of(module: str) -> str:
 
 
 @dataclass(frozen=True)
-class Limits:
+class ProcessLimits:
     """Limits of a network's process."""
 
     answer: float = 60.0  # wall time until an answer [s]: generous, as the machine may be busy
@@ -70,7 +70,7 @@ class Limits:
     memory: int = 3072  # memory [MiB], including ONNX Runtime's own
 
 
-LIMITS = Limits()
+LIMITS = ProcessLimits()
 
 
 class AgentFileError(ValueError):
@@ -109,7 +109,7 @@ class Sandbox(ChildProcess):
     def __init__(
         self,
         content: bytes,
-        limits: Limits = LIMITS,
+        limits: ProcessLimits = LIMITS,
         *,
         strict: bool = False,
         program: str | None = None,
@@ -242,7 +242,7 @@ class GuardedPolicy:
         self._num_envs = num_envs
         sizes = np.array([num_envs, sandbox.memory_size], np.int64)
         sandbox.send(messages.SIZES, sizes.tobytes())
-        sandbox.answer(0, starting=True)
+        sandbox.answer(0)
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
         """Clear the memory of the environments in the mask, shape (num_envs,).
@@ -298,14 +298,14 @@ class PolicyMaker:
     """
 
     content: bytes
-    limits: Limits
+    limits: ProcessLimits
     strict: bool = False
 
     def __call__(self, num_envs: int) -> GuardedPolicy:
         return GuardedPolicy(Sandbox(self.content, self.limits, strict=self.strict), num_envs)
 
 
-def load(path: Path, limits: Limits = LIMITS) -> PolicyMaker:
+def load(path: Path, limits: ProcessLimits = LIMITS) -> PolicyMaker:
     """Check a network's file, and return a function that makes policies of it.
 
     The file may come from anywhere: it can run no code, and each play has limits. It must hold its

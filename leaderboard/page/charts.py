@@ -55,7 +55,7 @@ def subjects(scenario: Scenario) -> list[Subject]:
     return panels
 
 
-class Range(NamedTuple):
+class SeriesRange(NamedTuple):
     """The lowest and the highest value of a series."""
 
     low: float
@@ -118,11 +118,11 @@ def chart_data(leaderboard: Leaderboard) -> dict[str, Any] | None:
         "subjects": [asdict(panel) for panel in panels],
         "policies": [policies.get(name) for name in standings],
         "second": standings.index(second) if second in standings else None,
-        "packed": pack(np.concatenate(levels)),
+        "packed": packed(np.concatenate(levels)),
     }
 
 
-def _ranges(panels: Sequence[Subject], recorded: Sequence[Trajectory]) -> dict[str, Range]:
+def _ranges(panels: Sequence[Subject], recorded: Sequence[Trajectory]) -> dict[str, SeriesRange]:
     """Return the range of each series that the charts show, over all trajectories."""
     series = list(AXES)
     for panel in panels:
@@ -130,7 +130,7 @@ def _ranges(panels: Sequence[Subject], recorded: Sequence[Trajectory]) -> dict[s
         if panel.reference is not None:
             series.append(panel.reference)
     return {
-        name: Range(
+        name: SeriesRange(
             low=min(min(trajectory.series[name]) for trajectory in recorded),
             high=max(max(trajectory.series[name]) for trajectory in recorded),
         )
@@ -139,7 +139,7 @@ def _ranges(panels: Sequence[Subject], recorded: Sequence[Trajectory]) -> dict[s
 
 
 def _levels(
-    trajectory: Trajectory, ranges: dict[str, Range], missing_in_air: Sequence[str]
+    trajectory: Trajectory, ranges: dict[str, SeriesRange], missing_in_air: Sequence[str]
 ) -> list[NDArray[np.int64]]:
     """Return the series of a trajectory as levels; some are missing in air."""
     in_air = np.array(trajectory.series["depth_of_cut"]) == 0.0
@@ -159,7 +159,7 @@ def quantise(values: ArrayLike, low: float, high: float) -> NDArray[np.int64]:
     return np.where(np.isnan(share), GAP, np.rint(share * LEVELS)).astype(np.int64)
 
 
-def pack(levels: NDArray[np.int64]) -> str:
+def packed(levels: NDArray[np.int64]) -> str:
     """Return the differences of neighbours as base64 of compressed bytes.
 
     The lower bytes of all differences come first, then the upper bytes: neighbours are alike, so

@@ -11,10 +11,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.grid_search import GridSearch, Limits, best_pair, grid, highest_feed, predict
+from baselines.grid_search import GridSearch, StepLimits, best_pair, grid, highest_feed, predict
 from research.papers import record
 from turning_env import Scenario
 from turning_env.physics.records import parameter_records
+from turning_env.scenario.laws import used_life_at
 
 Array = NDArray[np.float64]
 
@@ -23,7 +24,7 @@ PLANE_SPEEDS = 76
 PLANE_FEEDS = 109
 
 SCENARIO = Scenario.load("paper")
-LIMITS = Limits(
+LIMITS = StepLimits(
     force=SCENARIO.limits.thrust_force,
     power=SCENARIO.limits.power,
     used_life=1.0,
@@ -65,9 +66,7 @@ class SpeedAndFeed(NamedTuple):
 
 def used_life(wear: float) -> float:
     """Return the share of an edge's life that is used at a wear [mm]."""
-    # At constant speed and feed, wear is W_max (t/T)^n. So t/T = (W / W_max)^(1/n).
-    relative_wear = wear / SCENARIO.tool.wear_criterion
-    return float(relative_wear ** (1.0 / SCENARIO.material.wear.time))
+    return float(used_life_at(SCENARIO, wear))
 
 
 def chosen(wear: float, start: float) -> SpeedAndFeed | None:
@@ -118,7 +117,7 @@ def best_at_each_speed(wear: float, start: float) -> Responses:
     The best feed is the highest that keeps all limits. Where wear allows none, it is the highest
     that keeps force and power. Where these allow none either, it is the lowest.
     """
-    limits_without_wear = Limits(LIMITS.force, LIMITS.power, used_life=math.inf)
+    limits_without_wear = StepLimits(LIMITS.force, LIMITS.power, used_life=math.inf)
     feeds = np.empty(len(SPEEDS))
     for index, speed in enumerate(SPEEDS):
         for limits in (LIMITS, limits_without_wear):

@@ -40,7 +40,7 @@ from leaderboard.statistics import Bootstrap, Estimate, Floats, RankKey, rank_ke
 from leaderboard.table import markdown
 from leaderboard.workers import spread, workers
 from train.curves import FILE as CURVES
-from train.curves import Training, Trainings
+from train.curves import LearningCurve, Trainings
 from train.export import export
 from train.run import ALGORITHMS, Run, hyperparameters, trained_on
 from train.training import SEEDS, algorithm_of, load_agent, train
@@ -259,7 +259,7 @@ def run_of(study: Study, name: str, seed: int, runs: Path) -> Run:
 def publish(trained: Sequence[tuple[str, Run]], folder: Path) -> None:
     """Add agents, named after their variants, and their learning curves to a folder."""
     curves_path = folder / CURVES
-    curves: dict[str, Training] = {}
+    curves: dict[str, LearningCurve] = {}
     if curves_path.exists():
         curves |= Trainings.read(curves_path).trainings
     for name, run in trained:
@@ -268,7 +268,7 @@ def publish(trained: Sequence[tuple[str, Run]], folder: Path) -> None:
         if not agent_path.exists():
             export(run.folder, folder, name)
         if run.read_learning_curve():  # an untrained agent has none
-            curves[agent_name] = Training.of(run)
+            curves[agent_name] = LearningCurve.of(run)
     if trained:
         _, first_run = trained[0]
         trainings = Trainings(

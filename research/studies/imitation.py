@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from baselines.policy_spec import PolicySpec
 from leaderboard.agents import onnx_policy
-from leaderboard.agents.agent_file import family_of
+from leaderboard.agents.agent_file import training_family
 from leaderboard.inputs import Inputs
 from leaderboard.seeds import TUNING_START
 from leaderboard.table import markdown
@@ -39,7 +39,7 @@ def differences(agent: PolicySpec, jobs: int, steps: int) -> dict[str, NDArray[n
     """
     family = None
     if "family" in agent.parameters:
-        family = family_of(FAMILY_ID, agent.parameters)
+        family = training_family(FAMILY_ID, agent.parameters)
     if family is None or not Inputs.of(agent.parameters).belief:
         raise UserError(f"{agent.name} does not play a family with a belief")
 

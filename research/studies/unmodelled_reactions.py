@@ -20,7 +20,7 @@ from baselines.comparators import CAUSAL, NOMINAL_SHARE
 from baselines.guided import START_SHARE
 from baselines.reactive import WINDOW_ALONE, Reactions, Reactive
 from baselines.self_tuning import RULES, SelfTuning
-from leaderboard.family import KNOWN_FORMS, family_task, rule
+from leaderboard.family import KNOWN_FORMS, family_task, rule_on_family
 from leaderboard.play import EPISODE_FIELDS, Episodes, play_family
 from leaderboard.statistics import (
     Bootstrap,
@@ -124,7 +124,7 @@ def table(num_jobs: int, split: str) -> list[dict[str, str]]:
         if name == CONSTANT:
             episodes[name] = played(Family.load(FAMILY), split, task.seeds, at_constant_speed)
             continue
-        policy = rule(name, task)
+        policy = rule_on_family(name, task)
         assert policy.compute is not None
         episodes[name] = policy.compute(task.scenario, task.seeds, lambda ended: None)
     means = {name: mean_of(ended["return"], bootstrap) for name, ended in episodes.items()}

@@ -258,7 +258,7 @@ def predict_all(
         yield predictions.row(title, response)
 
 
-class Loads(NamedTuple):
+class MeasuredLoads(NamedTuple):
     """Readings of a load: arrays of the same length."""
 
     group: Any  # edge or setting
@@ -266,7 +266,7 @@ class Loads(NamedTuple):
     force: Any  # [N]
 
 
-def exponent(loads: Loads) -> float:
+def exponent(loads: MeasuredLoads) -> float:
     """Return the exponent of wear that all groups share."""
     counts = (loads.wear >= LOWEST_WEAR) & (loads.wear <= HIGHEST_WEAR)
     group = loads.group[counts]
@@ -281,7 +281,7 @@ def exponent(loads: Loads) -> float:
     return float(product / square)
 
 
-def growth(loads: Loads) -> list[float]:
+def growth(loads: MeasuredLoads) -> list[float]:
     """Return the growth of force from 0.1 to 0.3 mm [-] of each group with readings at both."""
     ratios = []
     for name in np.unique(loads.group):
@@ -298,7 +298,7 @@ def growth(loads: Loads) -> list[float]:
     return ratios
 
 
-def compare_forms(loads: Loads) -> str:
+def compare_forms(loads: MeasuredLoads) -> str:
     """Return a line that compares both laws on all edges, each fitted alone."""
     affine_errors = []
     power_errors = []
@@ -328,7 +328,7 @@ def compare_forms(loads: Loads) -> str:
     )
 
 
-def fresh_share(loads: Loads) -> float:
+def fresh_share(loads: MeasuredLoads) -> float:
     """Return the force of a fresh edge over that at 0.1 mm [-], the mean over settings."""
     ratios = []
     for setting in np.unique(loads.group):
@@ -379,7 +379,7 @@ def describe_loads(title: str, measurements: Measurements) -> Iterator[str]:
         )
         group = np.unique(settings, axis=0, return_inverse=True)[1]
     for name in ("main_force", "thrust_force"):
-        loads = Loads(group, columns["wear"], columns[name])
+        loads = MeasuredLoads(group, columns["wear"], columns[name])
         ratios = growth(loads)
         line = f"{title}, {name}: exponent {exponent(loads):.2f}"
         yield f"{line}; from 0.1 to 0.3 mm x{np.mean(ratios):.2f} (mean of {len(ratios)})"

@@ -201,7 +201,7 @@ def program(scenario: Scenario, bars: int) -> str:
     control = scenario.control
     highest = highest_feed(scenario)
     radius = 0.5 * work.diameter
-    spindle_speed = 1000.0 * control.initial_cutting_speed / (np.pi * work.diameter)
+    spindle_speed = spindle_speed_at(scenario, control.initial_cutting_speed)
     time_constant = scenario.machine.feed_time_constant
     lag = spindle_speed / 60.0 * time_constant  # [rev] by which the drive is behind
     run_up = 5.0 * lag * highest + 1.0  # [mm] in which it settles

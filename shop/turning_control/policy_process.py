@@ -32,13 +32,13 @@ from leaderboard.adapt import as_factory
 from leaderboard.agents import messages, sandbox
 from leaderboard.agents.child_process import ChildProcess
 from leaderboard.agents.messages import ACT, ANSWER, ERROR, RESET, Connection
-from leaderboard.agents.sandbox import Limits
+from leaderboard.agents.sandbox import ProcessLimits
 from turning_env.policy import Actions, Observations, Policy, PolicyFactory
 
 LOADING = 120.0  # time in which a policy must load and answer for the first time [s]
 HUNG = 10.0  # time without an answer after which a policy's process is ended [s]
 # Limits of an ONNX file. Its processor time is free, because a control runs for weeks.
-FILE_LIMITS = Limits(answer=HUNG, start=LOADING, computing=0)
+FILE_LIMITS = ProcessLimits(answer=HUNG, start=LOADING, computing=0)
 PROGRAM = """
 import sys
 from turning_control.policy_process import main

@@ -4,6 +4,11 @@ For given prices, time + price * used life is a sum over slices. If the feed of 
 one speed only, the best feed follows from the speed in closed form, and each S word can be chosen
 by itself, all of one unit at once. Other S words are chosen in turn. The prices are those at which
 no tool uses more of its edges than allowed.
+
+Limits and cost are those of advice (``scenario/laws.py``). A search of its own is needed because a
+word sets many cuts of different depth and diameter, and edges last for whole programs. It shortens
+the example programs by 18 % with the same edges, in less than a second each (``python -m
+shop.examples.adapt_programs``).
 """
 
 import math

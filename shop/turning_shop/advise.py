@@ -4,6 +4,11 @@ All numbers refer to one policy: the edge is changed after a fixed number of who
 97.5 % of edges last. If fewer edges last a part, it is changed after a fixed share of one. Loads
 keep their limits up to the flank wear that no more than 2.5 % of edges exceed at the change, with
 the margins of ``allowed.py`` for bars that vary. ``advise_play.py`` plays the advice.
+
+The cost of a part is ``scenario/laws.machining_cost``. Because edges are changed after whole parts,
+it jumps with speed and feed, so all round speeds, feeds and wears are tried. The closed form for
+metal without parts, ``two_limits.set_point``, costs 14 % more a part on the preset ``h13_romi``
+(test_the_economic_optimum_of_metal_costs_more_a_part).
 """
 
 from collections.abc import Iterator, Mapping
@@ -79,7 +84,7 @@ class Prices(NamedTuple):
         return cls(unit, minute, edge=edge, change_time=economics.edge_change_time)
 
 
-class Plan(NamedTuple):
+class PartPlan(NamedTuple):
     """Settings and the edge change that follows from them: numbers, or arrays of one shape."""
 
     cuts: Cuts  # at the flank wear that the edge reaches at the change at most
@@ -130,7 +135,7 @@ class Bound(NamedTuple):
     name: str  # in the scenario
     limit: str  # the name, the value and its unit
     law: str  # what is known of its law; empty for a range of the machine
-    without: Plan  # the advice without it, or with the range wider by ``WIDER``
+    without: PartPlan  # the advice without it, or with the range wider by ``WIDER``
     joint: str = ""  # other ends of the range that bind with it, as text after ``limit``
 
 
@@ -138,7 +143,7 @@ class Advice(NamedTuple):
     """A plan, its aim, one of ``AIMS``, and the limits that bind it."""
 
     aim: str
-    plan: Plan
+    plan: PartPlan
     bounds: tuple[Bound, ...]
 
     def as_record(self) -> dict[str, Any]:
@@ -158,7 +163,7 @@ def plan(
     feed: Any,
     wear: Any,
     hardness: Any = 1.0,
-) -> Plan:
+) -> PartPlan:
     """Return the plan of settings whose edge is changed before a flank wear.
 
     Arguments are numbers, or arrays that broadcast to one shape: cutting speed [m/min], feed
@@ -197,7 +202,7 @@ def plan(
     fewest = parts_if(-life_doubt)
     most = parts_if(life_doubt)
     time_with_changes = machining_cost(cycle_time, 1.0 / parts, prices.change_time)
-    return Plan(
+    return PartPlan(
         cuts=cuts,
         prediction=prediction,
         parts=parts,
@@ -281,7 +286,7 @@ def round_numbers(low: float, high: float, count: int) -> Values:
     return np.unique(rounded)
 
 
-def tried_plans(scenario: Scenario, evidence: Evidence) -> Plan:
+def tried_plans(scenario: Scenario, evidence: Evidence) -> PartPlan:
     """Return the plans of all settings that are tried, as arrays."""
     speeds, feeds, wears = settings(scenario)
     return plan(scenario, evidence, cutting_speed=speeds, feed=feeds, wear=wears)
@@ -308,12 +313,12 @@ def _closest(scenario: Scenario, cuts: Cuts) -> _Closest:
     )
 
 
-def _objective(tried: Plan, aim: str) -> Any:
+def _objective(tried: PartPlan, aim: str) -> Any:
     """Return the quantity that an aim minimises."""
     return -tried.mean_removal_rate if aim == MAX_METAL else tried.cost
 
 
-def best_plan(scenario: Scenario, evidence: Evidence, tried: Plan, aim: str) -> Plan | None:
+def best_plan(scenario: Scenario, evidence: Evidence, tried: PartPlan, aim: str) -> PartPlan | None:
     """Return the best of the plans that are tried, for an aim; None if none keeps the limits."""
     cuts = tried.cuts
     possible = allowed_loads(scenario).keeps(scenario, cuts)
@@ -372,7 +377,7 @@ _CHIP_WINDOW = (
 )
 
 
-def _bounds(scenario: Scenario, evidence: Evidence, aim: str, best: Plan) -> Iterator[Bound]:
+def _bounds(scenario: Scenario, evidence: Evidence, aim: str, best: PartPlan) -> Iterator[Bound]:
     """Yield the limits that bind: the aim gains from lifting a limit or from widening a range."""
     limits: tuple[_Limit, ...] = _LOAD_LIMITS + _RANGE_ENDS
     if scenario.swarf.tangle_rate > 0.0:
@@ -399,8 +404,13 @@ def _bounds(scenario: Scenario, evidence: Evidence, aim: str, best: Plan) -> Ite
 
 
 def _better(
-    scenario: Scenario, evidence: Evidence, aim: str, best: Plan, lifted: Scenario, is_load: bool
-) -> Plan | None:
+    scenario: Scenario,
+    evidence: Evidence,
+    aim: str,
+    best: PartPlan,
+    lifted: Scenario,
+    is_load: bool,
+) -> PartPlan | None:
     """Return the best plan of a scenario with lifted limits; None if the aim gains too little."""
     if lifted == scenario:
         return None  # the limit is off
@@ -414,7 +424,7 @@ def _better(
 
 
 def _joint_bound(
-    scenario: Scenario, evidence: Evidence, aim: str, best: Plan, ends: list[_Limit]
+    scenario: Scenario, evidence: Evidence, aim: str, best: PartPlan, ends: list[_Limit]
 ) -> Iterator[Bound]:
     """Yield the bound of the ends of one range that bind together, if they do."""
     widened = scenario
@@ -622,7 +632,7 @@ def headline(scenario: Scenario, evidence: Evidence, advice: list[Advice]) -> It
     yield surface(scenario, best)
 
 
-def not_by_wear(evidence: Evidence, best: Plan) -> Iterator[str]:
+def not_by_wear(evidence: Evidence, best: PartPlan) -> Iterator[str]:
     """Yield a sentence if the law of wear lets an edge last longer than it is used for."""
     if not best.by_wear:
         yield (
@@ -631,7 +641,7 @@ def not_by_wear(evidence: Evidence, best: Plan) -> Iterator[str]:
         )
 
 
-def extrapolation(evidence: Evidence, best: Plan) -> str:
+def extrapolation(evidence: Evidence, best: PartPlan) -> str:
     """Return a sentence on the factors of a plan's cut that lie outside what was measured."""
     values = best.cuts._asdict()
     beyond = []
@@ -642,7 +652,7 @@ def extrapolation(evidence: Evidence, best: Plan) -> str:
     return f"* outside what was {evidence.origins}: {'; '.join(beyond)}"
 
 
-def surface(scenario: Scenario, best: Plan, wiper: bool = False) -> str:
+def surface(scenario: Scenario, best: PartPlan, wiper: bool = False) -> str:
     """Return a sentence on the surface that nose radius or wiper leave, or on the radius needed."""
     feed = float(best.cuts.feed)
     radius = scenario.tool.nose_radius
@@ -744,7 +754,7 @@ def table(scenario: Scenario, advice: list[Advice], units: Units = METRIC) -> It
     yield from aligned(rows)
 
 
-def _life_cell(best: Plan) -> str:
+def _life_cell(best: PartPlan) -> str:
     """Return the tool life of a plan with its interval, for people."""
     if not best.by_wear:
         return "not by wear"

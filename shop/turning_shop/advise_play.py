@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 from turning_shop import Values, WorkshopError, aligned
-from turning_shop.advise import Plan, Prices, money, part_volume
+from turning_shop.advise import PartPlan, Prices, money, part_volume
 from turning_shop.allowed import (
     NO_STRENGTH,
     allowed_loads,
@@ -133,7 +133,7 @@ class _Play(NamedTuple):
     episodes: Episodes
 
 
-def constant(scenario: Scenario, plan: Plan) -> Callable[[Observations], Actions]:
+def constant(scenario: Scenario, plan: PartPlan) -> Callable[[Observations], Actions]:
     """Return a policy that sets a plan's speed and feed."""
     machine = scenario.machine
     speed = set_point_action(
@@ -149,7 +149,7 @@ def constant(scenario: Scenario, plan: Plan) -> Callable[[Observations], Actions
 
 def play_all(
     scenario: Scenario,
-    plan: Plan,
+    plan: PartPlan,
     agents: Sequence[str],
     edges: int,
     on_play: Callable[[str], object] = lambda name: None,
@@ -259,7 +259,7 @@ def best_rule(scenario: Scenario, played: Scenario) -> PolicySpec:
     raise WorkshopError(f"no rule that ships can play {scenario.name!r}")
 
 
-def clocked(scenario: Scenario, plan: Plan) -> Scenario:
+def clocked(scenario: Scenario, plan: PartPlan) -> Scenario:
     """Return the scenario with episodes as long as a plan uses an edge."""
     # Plain bars have no return between them in the simulation.
     minutes = float(plan.parts * (plan.cycle_time - scenario.machine.return_time))
@@ -274,7 +274,7 @@ def clocked(scenario: Scenario, plan: Plan) -> Scenario:
 
 
 def _for_one_edge(
-    scenario: Scenario, plan: Plan, action: str, minutes: float, stretch: int = 1
+    scenario: Scenario, plan: PartPlan, action: str, minutes: float, stretch: int = 1
 ) -> Scenario:
     """Return the scenario with episodes of one edge each, of ``minutes`` at most.
 

@@ -364,6 +364,8 @@ def _overload_factor(scenario: Scenario, name: str, num_limits: int) -> float:
 
     def excess_time(log_factor: float) -> float:
         """Return the share of time in overload above the allowance [-]."""
+        # Exact, unlike the rules' ``normal.probability``, which has the same bits on all
+        # processors: an allowance may be as small as ``MIN_ALLOWANCE``.
         in_overload = special.ndtr((log_factor + log_load) / spread)
         return float(in_overload.mean()) - allowance
 

@@ -25,7 +25,7 @@ from turning_env.scenario import Scenario
 
 if TYPE_CHECKING:
     from turning_shop import start, start_question
-    from turning_shop.advise import Advice, Plan
+    from turning_shop.advise import Advice, PartPlan
     from turning_shop.prediction import Evidence, Prediction
 
 MAX_EDGES = 10_000  # that advise plays with each policy
@@ -498,7 +498,7 @@ def _map(options: argparse.Namespace) -> int:
     return DONE
 
 
-def _advised(scenario: Scenario, evidence: "Evidence", depth: float | None) -> "Plan | None":
+def _advised(scenario: Scenario, evidence: "Evidence", depth: float | None) -> "PartPlan | None":
     """Return the advised cut at a depth [mm], or None and a warning if none can be advised."""
     from turning_shop.advise import advise
 

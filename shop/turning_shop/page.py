@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from turning_shop import Values
-from turning_shop.advise import Advice, Plan, Prices, headline, plan, round_numbers, settings
+from turning_shop.advise import Advice, PartPlan, Prices, headline, plan, round_numbers, settings
 from turning_shop.allowed import allowed_loads
 from turning_shop.prediction import Evidence, longest_life, outside
 from turning_shop.units import METRIC, Units
@@ -174,7 +174,7 @@ def table_of(scenario: Scenario, evidence: Evidence, axes: Sequence[Axis]) -> di
     return table
 
 
-def _quantities(scenario: Scenario, evidence: Evidence, planned: Plan) -> dict[str, Values]:
+def _quantities(scenario: Scenario, evidence: Evidence, planned: PartPlan) -> dict[str, Values]:
     """Return what the page shows of plans at one depth."""
     cuts = planned.cuts
     prediction = planned.prediction

@@ -17,7 +17,7 @@ from matplotlib.text import Text
 from matplotlib.ticker import LogLocator, MaxNLocator
 from numpy.typing import NDArray
 from turning_shop import Values
-from turning_shop.advise import Advice, Plan, headline, summary
+from turning_shop.advise import Advice, PartPlan, headline, summary
 from turning_shop.allowed import allowed_loads, bending, feed_range
 from turning_shop.callouts import (
     ADVISED,
@@ -79,7 +79,7 @@ def draw_map(
     wear: float,
     depth_of_cut: float | None = None,
     hardness: float = 1.0,
-    advised: Plan | None = None,
+    advised: PartPlan | None = None,
     units: Units = METRIC,
 ) -> Figure:
     """Draw limits, removal rate and tool life over the machine's range of speed and feed.
@@ -139,7 +139,7 @@ def draw_map_on(
     evidence: Evidence,
     wear: float,
     bar: Bar = Bar(),  # noqa: B008 - immutable
-    advised: Plan | None = None,
+    advised: PartPlan | None = None,
     units: Units = METRIC,
     has_highest: bool = True,
 ) -> DrawnMap:
@@ -530,7 +530,7 @@ def _marks(
     cuts: Cuts,
     kept: NDArray[np.bool_],
     extrapolated: NDArray[np.bool_],
-    advised: Plan | None,
+    advised: PartPlan | None,
     has_highest: bool,
 ) -> list[Mark]:
     """Return the marks of the advised cut and of the highest removal rate within the limits."""

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from turning_shop.advise import (
     MIN_COST,
     Advice,
-    Plan,
+    PartPlan,
     Prices,
     best_plan,
     bound_sentence,
@@ -64,7 +64,7 @@ class Narrowing(NamedTuple):
     gain: str
 
 
-def narrowings(job: Job, best: Plan) -> list[Narrowing]:
+def narrowings(job: Job, best: PartPlan) -> list[Narrowing]:
     """Return what one measured cut would narrow, that which narrows the cost most first.
 
     The cost is that of the best cut if a law is at the end of its interval.
@@ -73,7 +73,7 @@ def narrowings(job: Job, best: Plan) -> list[Narrowing]:
     return sorted(both, key=lambda narrowing: narrowing.saving, reverse=True)
 
 
-def _wear_narrowing(job: Job, best: Plan) -> Narrowing:
+def _wear_narrowing(job: Job, best: PartPlan) -> Narrowing:
     """Return what the wear of one edge, measured once, would narrow."""
     wear = job.evidence.laws["wear"]
     factors = best.cuts._asdict()
@@ -94,7 +94,7 @@ def _wear_narrowing(job: Job, best: Plan) -> Narrowing:
     )
 
 
-def _power_narrowing(job: Job, best: Plan) -> Narrowing:
+def _power_narrowing(job: Job, best: PartPlan) -> Narrowing:
     """Return what the spindle's power, measured once, would narrow."""
     # Only the spread of edges remains: it is far below the deviation of the catalogue.
     before = job.material.group.force_deviation
@@ -136,7 +136,7 @@ def _with_wear_evidence(evidence: Evidence, deviation: float) -> Evidence:
     return evidence.model_copy(update={"laws": laws})
 
 
-def _plan_again(job: Job, best: Plan, evidence: Evidence) -> Plan:
+def _plan_again(job: Job, best: PartPlan, evidence: Evidence) -> PartPlan:
     """Return a plan with other evidence."""
     return plan(
         job.scenario,

@@ -9,7 +9,7 @@ import pytest
 from baselines import tuned
 from baselines.catalogue import CHANGE_AT, RULES, TimelyChanges, names, playable, spec
 from baselines.fixed import FixedParameters
-from baselines.rule import Range, Rule
+from baselines.rule import Rule, TuningRange
 from train import tune_rules
 from turning_env import Scenario
 
@@ -19,7 +19,7 @@ TUNABLE = Rule(
     "made up",
     lambda scenario, num_envs, **parameters: FixedParameters(scenario, **parameters),
     plays=lambda scenario: scenario.control.action == "incremental",
-    parameters={"cutting_speed": 100.0, "feed": Range(0.1, 0.4)},
+    parameters={"cutting_speed": 100.0, "feed": TuningRange(0.1, 0.4)},
 )
 OTHER_ACTIONS = Scenario.model_validate({"control": {"action": "set_point"}})
 

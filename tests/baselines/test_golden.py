@@ -24,7 +24,7 @@ STEPS = 40
 EVERY = 8
 NUM_ENVS = 2
 FAMILIES = {
-    "shop": ["self_tuning"],
+    "shop": ["self_tuning", "load_loop_jobs"],
     "unmodelled": ["chip_window", "reactive"],
 }
 """Rules whose actions are recorded on the first job of a family."""

@@ -4,7 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from leaderboard.ranking import read_if_usable, read_leaderboard, read_leaderboards
+from baselines.catalogue import RULES
+from baselines.policy_spec import ScenarioId
+from leaderboard import policies as leaderboard_policies
+from leaderboard.ranking import names_of, rank, read_if_usable, read_leaderboard, read_leaderboards
 from leaderboard.result import (
     MANIFEST_FILE,
     TRAJECTORIES_FILE,
@@ -18,8 +21,8 @@ from leaderboard.result import (
     write_result,
 )
 from leaderboard.trajectories import SERIES, Trajectories, Trajectory
-from tests.leaderboard.conftest import ENV_ID, MakeResult
-from turning_env import IDS
+from tests.leaderboard.conftest import ENV_ID, MakeResult, spec
+from turning_env import IDS, Scenario
 
 
 @pytest.fixture
@@ -230,3 +233,78 @@ def test_a_file_that_a_run_writes_again_may_be_missing_or_damaged(
     notice = capsys.readouterr().err
     assert notice.startswith("skipped: ")
     assert "the next python -m leaderboard run writes it anew" in notice
+
+
+def test_time_over_a_limit_is_a_share_of_the_cutting_time_of_all_trainings(
+    make_result: MakeResult,
+) -> None:
+    """12 s and 3 s of a minute in one training; the other cuts for three minutes."""
+    over = {"overload_2_percent_time": 12.0, "overload_10_percent_time": 3.0}
+    first = make_result("ppo", 0, **over)
+    second = make_result("ppo", 1, engaged_time=180.0, time=180.0)
+    (standing,) = rank([first, second])
+    assert standing.overload.share_above_2_percent == pytest.approx(12.0 / 240.0)
+    assert standing.overload.share_above_10_percent == pytest.approx(3.0 / 240.0)
+    older = second.model_copy(update={"excess": None})
+    (standing,) = rank([first, older])
+    assert standing.overload.share_above_2_percent is None
+    assert standing.overload.share_above_10_percent is None
+    (standing,) = rank([make_result("idle", engaged_time=0.0)])
+    assert standing.overload.share_above_2_percent == 0.0
+    assert standing.overload.share_above_10_percent == 0.0
+
+
+def test_short_cutting_has_shares_too(make_result: MakeResult) -> None:
+    (standing,) = rank(
+        [make_result("rule", engaged_time=0.1, time=0.1, overload_2_percent_time=0.05)]
+    )
+    assert standing.overload.share_above_2_percent == pytest.approx(0.5)
+
+
+def test_what_a_policy_is_follows_from_the_present_code(
+    make_result: MakeResult, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(leaderboard_policies, "shipped_agents", lambda: {"a": "ppo"})
+    base = ScenarioId.of(Scenario.load("rough_turning"))
+    parameters = {"total_timesteps": 6_000_000}
+    ours = spec("ppo", seed=0, parameters=parameters, sha256="a", tuned_for=base)
+    theirs = spec("sac", seed=3, parameters=parameters, sha256="b", tuned_for=base)
+    standings = {}
+    for name, policy in (("ppo", ours), ("sac", theirs), ("grid_search", spec("grid_search"))):
+        (standings[name],) = rank([make_result(name, policy=policy)])
+    about = {name: standing.about for name, standing in standings.items()}
+    assert about["ppo"].description == (
+        "trained for 6,000,000 environment steps on scenario rough_turning"
+    )
+    assert about["sac"].description == "made up"
+    assert about["grid_search"].description == RULES["grid_search"].description
+    assert (about["ppo"].own, about["sac"].own, about["grid_search"].own) == (False, True, False)
+    assert about["sac"].training_seeds == (3,)
+    assert about["grid_search"].training_seeds == ()
+    assert about["grid_search"].inputs is None
+    assert about["ppo"].inputs is not None
+
+
+def test_agents_of_one_training_share_a_name_and_others_name_their_seeds(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(leaderboard_policies, "shipped_agents", lambda: {"a": "ppo"})
+    policies = [
+        spec("ppo", seed=5, parameters={"gamma": 0.9}, sha256="own"),
+        spec("ppo", seed=0, parameters={"gamma": 0.9}, sha256="a"),
+        spec("ppo", seed=6, parameters={"gamma": 0.9}, sha256="own too"),
+    ]
+    assert names_of(policies) == {
+        "ppo-seed0": "ppo",
+        "ppo-seed5": "ppo-seed5,6",
+        "ppo-seed6": "ppo-seed5,6",
+    }
+
+
+def test_a_ranking_follows_its_results(folder: Path, make_result: MakeResult) -> None:
+    """A process that ranks equal results once must see that they have changed."""
+    write(folder, make_result("rule", returns=1.0))
+    (before,) = read_leaderboard(folder).standings
+    write(folder, make_result("rule", returns=2.0))
+    (after,) = read_leaderboard(folder).standings
+    assert (before.mean_return.value, after.mean_return.value) == (1.0, 2.0)

@@ -63,7 +63,7 @@ def test_seeds_are_averaged_where_their_curves_overlap(tmp_path: Path) -> None:
 
 
 def test_the_axis_of_returns_ends_near_the_curves() -> None:
-    training = curves.Training(first=0.0, last=100.0, mean_return=[-4000.0, -70.0])
+    training = curves.LearningCurve(first=0.0, last=100.0, mean_return=[-4000.0, -70.0])
     figure = curves.draw(curves.curves({"ppo-seed0": training}), levels={})
     low, high = figure.axes[0].get_ylim()
     assert -8000.0 < low < -4000.0
@@ -149,8 +149,8 @@ def test_curves_of_guides_are_over_environment_steps(tmp_path: Path) -> None:
     folder = a_run(tmp_path, 0, line(1.0))
     run = Run.read(folder)
     guide = replace(run, parameters=run.parameters | {"guide": True})
-    plain = curves.Training.of(run)
-    guided = curves.Training.of(guide)
+    plain = curves.LearningCurve.of(run)
+    guided = curves.LearningCurve.of(guide)
     assert plain.first == 0.0
     assert plain.last == 100.0
     assert guided.first == 0.0

@@ -6,22 +6,22 @@ import pytest
 
 from tests.train.small import SCENARIO
 from train import tune_agent
-from train.tune_rules import Played, Trial
+from train.tune_rules import SettingResult, Trial
 
-FAILED = Played(-math.inf, 1.0, 1.0, 0, "not finite")
+FAILED = SettingResult(-math.inf, 1.0, 1.0, 0, "not finite")
 
 
-def learning_rate_matters(task: tune_agent.Task, setting: dict[str, Any]) -> Played:
+def learning_rate_matters(task: tune_agent.TuningTask, setting: dict[str, Any]) -> SettingResult:
     """A landscape without any training: fast learning overloads, very fast learning fails."""
     if setting["learning_rate"] > 2.5e-3:
         return FAILED
     severe = 0.06 if setting["learning_rate"] > 1.5e-3 else 0.04
-    return Played(1e5 * setting["learning_rate"], severe, severe, 1)
+    return SettingResult(1e5 * setting["learning_rate"], severe, severe, 1)
 
 
 def search(folder: Path, trials: int, evaluate: Any = learning_rate_matters) -> tuple[int, Trial]:
     return tune_agent.search(
-        tune_agent.Task("sac", "RoughTurning-v0", SCENARIO, 100, 1, folder),
+        tune_agent.TuningTask("sac", "RoughTurning-v0", SCENARIO, 100, 1, folder),
         trials,
         evaluate=evaluate,
     )
@@ -43,7 +43,7 @@ def test_the_best_feasible_setting_wins(tmp_path: Path, capsys: pytest.CaptureFi
 def test_an_interrupted_search_finds_what_it_would_have(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def interrupted(task: tune_agent.Task, setting: dict[str, Any]) -> Played:
+    def interrupted(task: tune_agent.TuningTask, setting: dict[str, Any]) -> SettingResult:
         raise KeyboardInterrupt
 
     undisturbed = search(tmp_path, 10)

@@ -11,9 +11,9 @@ import pytest
 
 from baselines import tuned
 from baselines.catalogue import RULES, spec
-from baselines.rule import Parameters, Range, Rule
+from baselines.rule import Parameters, Rule, TuningRange
 from train import tune, tune_rules
-from train.tune_rules import Played, play_trial
+from train.tune_rules import SettingResult, play_trial
 from turning_env import Scenario
 
 SHORT = Scenario.model_validate({"name": "short", "control": {"time_limit": 0.1}})
@@ -22,11 +22,15 @@ OTHER = Rule(
     "made up",
     RULES["fixed_tuned"].controller,
     plays=lambda scenario: True,
-    parameters={"cutting_speed": Range(80.0, 120.0), "feed": 0.2},
+    parameters={"cutting_speed": TuningRange(80.0, 120.0), "feed": 0.2},
 )
 RULE = replace(
     OTHER,
-    parameters={"share": Range(0.0, 1.0), "gain": Range(0.01, 1.0, logarithmic=True), "known": 7.0},
+    parameters={
+        "share": TuningRange(0.0, 1.0),
+        "gain": TuningRange(0.01, 1.0, logarithmic=True),
+        "known": 7.0,
+    },
 )
 
 
@@ -51,12 +55,12 @@ class Counted:
 
     def __call__(
         self, name: str, rule: Rule, task: Scenario, setting: Parameters, seeds: list[int]
-    ) -> Played:
+    ) -> SettingResult:
         self.settings.append(setting)
         if error := self.raise_at.get(len(self.settings)):
             raise error
         mean_return, severe_limit = self.score(setting)
-        return Played(
+        return SettingResult(
             mean_return, severe_share=0.8 * severe_limit, severe_limit=severe_limit, steps=100
         )
 

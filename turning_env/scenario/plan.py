@@ -1,7 +1,9 @@
 """The best set points by the laws of scenarios, and the numbers that describe them to a policy.
 
-Families draw jobs by them (``family.py``). Controllers have a search of their own
-(``baselines/models``).
+Families draw jobs by them (``family.py``). Limits and objective are those of ``laws.py``, but the
+laws are evaluated here as products of a factor of each speed and one of each feed: a plan takes
+half the time of the laws at every point (``python -m research.studies.searches``). The last bits
+of these products decide the jobs of families, so another evaluation needs families of a new name.
 """
 
 from dataclasses import dataclass
@@ -65,7 +67,7 @@ class SetPointGrid:
         self.feed = exp(self._log_feed)
         self.removal_rate = self.speed * self.feed * _column(s.workpiece.depth_of_cut)
 
-        # The wear law W = K t^n solved for the life t at W = criterion.
+        # ``laws.life_rate`` at the wear criterion.
         log_wear = log_response_at(s, "wear", used_life=0.0)
         self.life_rate = self._response(
             material.wear,
@@ -80,10 +82,7 @@ class SetPointGrid:
         self._capacity = power_capacity(self.speed, _column(s.base_cutting_speed))
 
     def _response(self, law: Any, log_rest: Any, exponent: Any = 1.0) -> Any:
-        """Return ``(exp(log_rest) * speed**a * feed**b) ** exponent`` over the grid.
-
-        The product of a factor of each speed and one of each feed saves most of the exponentials.
-        """
+        """Return ``(exp(log_rest) * speed**a * feed**b) ** exponent`` over the grid."""
         of_speed = exp(
             _column(log_rest * exponent) + _column(law.cutting_speed * exponent) * self._log_speed
         )

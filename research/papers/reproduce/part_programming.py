@@ -38,6 +38,7 @@ from research.papers import rows
 from research.papers.reproduce.checks import Check, at_least, at_most, table
 from research.papers.reproduce.part_programming_cases import case_checks, formula_checks
 from turning_env import PowerLaw, Scenario
+from turning_env.scenario.laws import machining_cost
 
 # The paper's claims on the rules; it has none on [SV] and [ST].
 IMPROVED = ("PV", "SN", "PN", "MV", "MN")
@@ -178,8 +179,8 @@ def pass_cost(rule: str, depth_of_cut: Array, slack: float = SLACK) -> Array:
         depth_of_cut=depth,
         hardness=1.0,
     )
-    edge_cost = process.edge_price * np.exp(-log_life)
-    cost = time * (1.0 + edge_cost) + RETURN_TIME
+    cost_of_a_minute = machining_cost(1.0, np.exp(-log_life), process.edge_price)
+    cost = np.asarray(time * cost_of_a_minute + RETURN_TIME)
 
     for limit in (process.thrust_force, process.power, process.torque):
         response = limit.law(speed, feed, depth_of_cut=depth)

@@ -5,18 +5,31 @@ Tests of ``python -m turning_shop advise``.
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
 import pytest
 from turning_shop import WorkshopError
 from turning_shop.__main__ import main
-from turning_shop.advise import MAX_METAL, MIN_COST, Prices, advise, headline, part_volume, plan
+from turning_shop.advise import (
+    MAX_METAL,
+    MIN_COST,
+    Prices,
+    advise,
+    best_plan,
+    headline,
+    part_volume,
+    plan,
+    tried_plans,
+)
 from turning_shop.advise_play import best_rule, clocked, constant, play_all
 from turning_shop.prediction import Evidence
 from turning_shop.provenance import load
-from turning_shop.whatif import what_if
+from turning_shop.whatif import CHANGES, what_if
 
+from baselines.models.process import Process
+from baselines.two_limits import ECONOMIC_OPTIMUM, set_point
 from leaderboard.adapt import as_factory
 from leaderboard.play import play
 from turning_env import Scenario
@@ -155,6 +168,21 @@ def test_prices_are_money_only_with_a_rate() -> None:
         Prices.of(Scenario.load({"economics": {"insert_price": 3.0}}))
     with pytest.raises(ScenarioError, match="currency"):
         Scenario.load({"economics": {"currency": ""}})
+
+
+def test_the_economic_optimum_of_metal_costs_more_a_part() -> None:
+    """Edges are changed after whole parts, which the least cost of metal leaves out."""
+    scenario = Scenario.load("h13_romi")
+    evidence = Evidence()
+    depth = scenario.workpiece.depth_of_cut
+    costs = []
+    for wear in CHANGES * scenario.tool.wear_criterion:
+        process = replace(Process.of(scenario), wear_criterion=wear)
+        speed, feed = set_point(ECONOMIC_OPTIMUM, process, depth, wear=wear)
+        costs.append(float(plan(scenario, evidence, speed, feed, wear).cost))
+    best = best_plan(scenario, evidence, tried_plans(scenario, evidence), aim=MIN_COST)
+    assert best is not None
+    assert min(costs) > 1.1 * best.cost
 
 
 def test_dear_edges_cut_longer() -> None:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import pytest
 from turning_shop import WorkshopError
 from turning_shop.__main__ import main
-from turning_shop.advise import MIN_COST, Plan, best_plan, overload_risk, tried_plans
+from turning_shop.advise import MIN_COST, PartPlan, best_plan, overload_risk, tried_plans
 from turning_shop.catalogue.groups import GROUPS
 from turning_shop.catalogue.inserts import read_insert
 from turning_shop.catalogue.materials import find_material
@@ -123,7 +123,7 @@ def machine(tmp_path: Path) -> str:
     return str(path)
 
 
-def cheapest(job: Job) -> Plan:
+def cheapest(job: Job) -> PartPlan:
     """Return the cheapest plan of a job, without the limits that bind it."""
     tried = tried_plans(job.scenario, job.evidence)
     plan = best_plan(job.scenario, job.evidence, tried, aim=MIN_COST)

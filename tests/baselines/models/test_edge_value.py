@@ -163,6 +163,7 @@ def test_without_a_base_speed_all_power_is_available() -> None:
         # n = 1/2, so a quarter of the life is half of the wear.
         pytest.param(0.0, math.log(0.25), id="power law"),
         pytest.param(4.0, 2.0 * math.log(3.0 / 5.0), id="fresh share"),
+        pytest.param(0.5, 2.0 * math.log(1.25 / 1.5), id="large fresh share"),
     ],
 )
 def test_the_wear_term_is_that_over_a_worn_out_edges(growth: float, term: float) -> None:

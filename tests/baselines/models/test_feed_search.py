@@ -20,7 +20,7 @@ from baselines.models.feed_search import (
     POINT,
     SET_POINT,
     Gain,
-    Load,
+    LogLoad,
     State,
     charge_breakage,
     charge_overload,
@@ -245,7 +245,7 @@ def test_the_force_over_its_limit_by_hand(growth: float, term: float, slope: flo
 
 @pytest.mark.parametrize("value", [-0.1, 0.02, 0.3])
 def test_overload_costs_its_expected_excess(value: float) -> None:
-    gain = charge_overload(NUMBERS, NOTHING, Load(value, 2.0, -3.0), 0.05)
+    gain = charge_overload(NUMBERS, NOTHING, LogLoad(value, 2.0, -3.0), 0.05)
     step = 1e-4
 
     def worth(by: float) -> float:
@@ -264,7 +264,7 @@ def test_overload_costs_its_expected_excess(value: float) -> None:
 def test_a_load_six_deviations_below_its_limit_costs_nothing(
     deviations: float, counts: bool
 ) -> None:
-    load = Load(deviations * 0.5, 1.0, 1.0)
+    load = LogLoad(deviations * 0.5, 1.0, 1.0)
     assert (charge_overload(NUMBERS, NOTHING, load, 0.5) != NOTHING) == counts
     point = SimpleNamespace(log_power=0.0, power_spread=0.5)
     # Far above the base speed the corner vanishes: the value is all coefficient.
@@ -338,7 +338,7 @@ def test_wear_that_grows_with_the_set_point_counts_in_the_slopes_of_power() -> N
 
 @pytest.mark.parametrize("deviation", [-1.5, 0.0, 0.7])
 def test_the_risk_of_breakage_is_a_normal_probability(deviation: float) -> None:
-    gain = charge_breakage(NUMBERS, NOTHING, laws(), Load(deviation, 2.0, -3.0), 4)
+    gain = charge_breakage(NUMBERS, NOTHING, laws(), LogLoad(deviation, 2.0, -3.0), 4)
     # 300 s in a step of 3 s, for four points.
     price = -400.0
     density = float(norm.pdf(deviation))
@@ -558,3 +558,23 @@ def test_where_nothing_is_gained_the_command_stays_within_reach() -> None:
     moves = np.resize([0.0, 0.2, -0.2], NUM_ENVS)
     assert best["log_speed"] - task.environments["log_speed"] == pytest.approx(moves)
     assert best["log_feed"] - task.environments["log_feed"] == pytest.approx(moves)
+
+
+@pytest.mark.parametrize("spread", [0.04, 0.01])
+def test_steps_that_overshoot_are_shortened_in_both_directions(spread: float) -> None:
+    """Far from the top, the parabola is wrong; a search that ended early could still rise."""
+    task = random_task(BASE, seed=2, force_spread=spread, power_spread=spread)
+    for name in ("log_speed", "log_feed"):
+        task.environments[f"min_{name}"] -= 0.5
+        task.environments[f"max_{name}"] += 0.5
+    best = best_set_points(task)
+    for i in range(4):
+        env = task.environments[i]
+        bounds = [(env.min_log_speed, env.max_log_speed), (env.min_log_feed, env.max_log_feed)]
+
+        def loss(at: Any, i: int = i) -> float:
+            return -gain_by_scipy(task, i, *at)
+
+        found = np.array([best[i].log_speed, best[i].log_feed])
+        better = minimize(loss, found, bounds=bounds, method="Nelder-Mead")
+        assert -better.fun <= task.gain(i, *found) + 2e-3

@@ -26,6 +26,11 @@ def test_the_probability_and_its_density_are_scipys(x: float) -> None:
     assert found.density == pytest.approx(norm.pdf(x), rel=1e-9)
 
 
+def test_probabilities_of_arrays_are_those_of_their_elements() -> None:
+    found = probability(np.array(POINTS))
+    np.testing.assert_array_equal(found.below, [probability(x).below for x in POINTS])
+
+
 def test_small_probabilities_keep_their_digits() -> None:
     assert probability(-6.0).below == pytest.approx(norm.cdf(-6.0), rel=5e-3)
 

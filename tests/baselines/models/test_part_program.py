@@ -16,7 +16,7 @@ from baselines.models.part_program import (
     override_rules,
     target_load,
 )
-from baselines.rule import Range
+from baselines.rule import TuningRange
 from tests.turning_env.playing import changed
 from turning_env import RoughTurningVectorEnv, Scenario, read
 
@@ -132,9 +132,9 @@ def controller(program: PartProgram, num_envs: int, **parameters: float) -> Any:
     ("with_speed", "tuned"), [(PROGRAM, "speed and feed"), (SPEED_AND_TARGET, "speed")]
 )
 def test_a_controller_of_the_override_makes_two_rules(
-    with_speed: dict[str, Range], tuned: str
+    with_speed: dict[str, TuningRange], tuned: str
 ) -> None:
-    own = {"target": Range(0.5, 1.0)}
+    own = {"target": TuningRange(0.5, 1.0)}
     rules = override_rules(
         "steady",
         "holds the load",
@@ -188,8 +188,8 @@ def test_what_an_action_sets_and_the_aim_decide_on_the_program(
 
 def test_the_ranges_of_tuned_programs() -> None:
     assert {
-        "cutting_speed": Range(50.0, 200.0),
-        "feed": Range(0.06, 0.60, logarithmic=True),
+        "cutting_speed": TuningRange(50.0, 200.0),
+        "feed": TuningRange(0.06, 0.60, logarithmic=True),
     } == PROGRAM
-    expected = {"cutting_speed": PROGRAM["cutting_speed"], "target": Range(0.5, 1.0)}
+    expected = {"cutting_speed": PROGRAM["cutting_speed"], "target": TuningRange(0.5, 1.0)}
     assert expected == SPEED_AND_TARGET

@@ -1,7 +1,7 @@
 import pytest
 
 from baselines.oracles import clairvoyant
-from baselines.oracles.clairvoyant import TOLERANCE, Grid, bounds, covers
+from baselines.oracles.clairvoyant import TOLERANCE, StateGrid, bounds, covers
 from baselines.oracles.perfect_state import PerfectState
 from leaderboard.play import play
 from leaderboard.seeds import tuning_seeds
@@ -20,8 +20,8 @@ FRESH_SHARE = Scenario.load(
     }
 )
 SEEDS = tuning_seeds(2)
-COARSE = Grid(cell=10.0, lives=60, speeds=8)
-FINE = Grid(cell=2.5, lives=480, speeds=32)
+COARSE = StateGrid(cell=10.0, lives=60, speeds=8)
+FINE = StateGrid(cell=2.5, lives=480, speeds=32)
 
 
 @pytest.mark.slow

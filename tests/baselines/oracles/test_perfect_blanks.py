@@ -30,7 +30,7 @@ def test_a_plan_costs_what_the_lathe_charges(monkeypatch: pytest.MonkeyPatch) ->
     plans = []
     best_plan = perfect_blanks.best_plan
 
-    def noted(*arguments: object) -> perfect_blanks.Plan:
+    def noted(*arguments: object) -> perfect_blanks.BlankPlan:
         plans.append(best_plan(*arguments))
         return plans[-1]
 

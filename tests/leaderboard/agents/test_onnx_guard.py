@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from leaderboard.agents import agent_file, onnx_policy
 from leaderboard.agents.network import act_checked
 from leaderboard.agents.onnx_session import OnnxPolicy, session_of
-from leaderboard.agents.sandbox import LIMITS, GuardedPolicy, Limits, Sandbox
+from leaderboard.agents.sandbox import LIMITS, GuardedPolicy, ProcessLimits, Sandbox
 from tests.leaderboard.agents import onnx_agents
 
 NUM_ENVS = 6
@@ -23,7 +23,9 @@ def observations(steps: int, num_envs: int = NUM_ENVS) -> NDArray[np.float32]:
     return np.random.default_rng(1).uniform(-1, 1, (steps, num_envs, 11)).astype(np.float32)
 
 
-def guarded(content: bytes, num_envs: int = NUM_ENVS, limits: Limits = LIMITS) -> GuardedPolicy:
+def guarded(
+    content: bytes, num_envs: int = NUM_ENVS, limits: ProcessLimits = LIMITS
+) -> GuardedPolicy:
     return GuardedPolicy(Sandbox(content, limits, strict=True), num_envs)
 
 
@@ -91,18 +93,18 @@ def test_its_process_holds_no_variables_and_no_files_of_this_one(
 @pytest.mark.parametrize(
     ("name", "num_envs", "limits", "message"),
     [
-        ("toiling", 2, Limits(answer=1.0), "gives no answer within 1 s"),
+        ("toiling", 2, ProcessLimits(answer=1.0), "gives no answer within 1 s"),
         (
             "toiling",
             2,
-            Limits(computing=1),
+            ProcessLimits(computing=1),
             "needs more than the 1 s of processor time that it may have",
         ),
-        ("swelling", 100, Limits(memory=400), r"lloc|memory"),
+        ("swelling", 100, ProcessLimits(memory=400), r"lloc|memory"),
     ],
     ids=["time", "processor time", "memory"],
 )
-def test_limits_are_enforced(name: str, num_envs: int, limits: Limits, message: str) -> None:
+def test_limits_are_enforced(name: str, num_envs: int, limits: ProcessLimits, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         guarded(onnx_agents.named(name), num_envs, limits).act(observations(1, num_envs)[0])
 

@@ -13,7 +13,7 @@ from onnx import TensorProto, helper, numpy_helper
 
 from leaderboard.__main__ import main
 from leaderboard.agents import sandbox
-from leaderboard.agents.sandbox import AgentFileError, AgentTimeoutError, Limits, Sandbox
+from leaderboard.agents.sandbox import AgentFileError, AgentTimeoutError, ProcessLimits, Sandbox
 from tests.leaderboard.agents import hostile_child
 from tests.walking import ROOT
 
@@ -104,7 +104,7 @@ FIRST = "first = Slice(observation, start, stop, axis) "
 PLACES = {"start": np.array([0]), "stop": np.array([2]), "axis": np.array([1])}
 
 
-def acted(path: Path, limits: Limits = sandbox.LIMITS) -> np.ndarray:
+def acted(path: Path, limits: ProcessLimits = sandbox.LIMITS) -> np.ndarray:
     """Return the actions of a file in two environments."""
     return sandbox.load(path, limits)(2).act(np.full((2, 11), 0.5, np.float32))
 
@@ -143,9 +143,9 @@ def endless(folder: Path) -> Path:
 def test_a_loop_without_end_is_stopped(tmp_path: Path) -> None:
     path = endless(tmp_path)
     with pytest.raises(AgentTimeoutError, match="gives no answer within 1 s"):
-        acted(path, Limits(answer=1.0))
+        acted(path, ProcessLimits(answer=1.0))
     with pytest.raises(AgentTimeoutError, match="needs more than the 1 s of processor time"):
-        acted(path, Limits(computing=1))
+        acted(path, ProcessLimits(computing=1))
 
 
 @pytest.mark.slow

@@ -14,7 +14,7 @@ SCENARIO = Scenario.load("rough_turning")
 @pytest.mark.slow
 def test_the_bound_on_beliefs_is_below_the_clairvoyant_bound() -> None:
     seeds = tuning_seeds(1)
-    grid = clairvoyant.Grid(cell=10.0, lives=60, speeds=8)
+    grid = clairvoyant.StateGrid(cell=10.0, lives=60, speeds=8)
     clairvoyant_bounds = clairvoyant.bounds(SCENARIO, seeds, grid)
     belief_bounds = np.array([belief_bound.bound(SCENARIO, seed, 10.0, 40) for seed in seeds])
     assert len(belief_bounds) == 1

@@ -5,7 +5,10 @@ import pickle
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
+import numba
+import numpy as np
 import pytest
 
 from tests.turning_env.playing import (
@@ -19,6 +22,15 @@ from tests.turning_env.playing import (
     play,
 )
 from turning_env import RoughTurningEnv, Scenario, presets
+from turning_env.numerics.compilation import (
+    FIRST_ENV,
+    ONE_ENV,
+    compiled,
+    compiled_entry,
+    compiled_separately,
+    env_range,
+    machine_code_folder,
+)
 
 REPOSITORY = Path(__file__).parents[3]
 INTERPRETED = """
@@ -62,3 +74,71 @@ def test_an_interpreted_process_with_another_hash_seed_gives_the_same_bytes() ->
     assert interpreted.keys() == compiled.keys()
     for name, record in compiled.items():
         assert_same_bytes(interpreted[name], record)
+
+
+def test_environments_are_counted_without_a_sign() -> None:
+    numbers = list(env_range(2, 5))
+    assert numbers == [2, 3, 4]
+    assert (FIRST_ENV, ONE_ENV) == (0, 1)
+    assert {type(number) for number in (FIRST_ENV, ONE_ENV)} == {np.uint64}
+
+
+@pytest.mark.parametrize("decorate", [compiled, compiled_separately])
+def test_called_from_python_compiled_functions_run_interpreted(decorate: Any) -> None:
+    def described(x: object) -> str:
+        return f"{x!r}"  # Numba cannot compile this
+
+    assert decorate(described)("text") == "'text'"
+
+
+def made(sources: Path, text: str) -> Path:
+    """Return the folder for the machine code of a source with this text."""
+    machine_code_folder.cache_clear()
+    sources.mkdir(exist_ok=True)
+    (sources / "entry.py").write_text(text)
+    folder = machine_code_folder(sources)
+    machine_code_folder.cache_clear()
+    assert folder is not None
+    return folder
+
+
+def test_machine_code_is_kept_by_the_contents_of_its_sources(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(numba.config, "CACHE_DIR", "")
+    first = made(tmp_path / "sources", "x = 1")
+    assert first.parent == tmp_path / "sources" / "__pycache__"
+    assert first.name.startswith("machine_code-")
+    assert len(first.name) == len("machine_code-") + 24
+    kept = first.parent / "entry.pyc"
+    kept.write_text("bytecode")
+    # The same sources have the same folder, with what it holds; others have another.
+    (first / "code").write_text("machine code")
+    assert made(tmp_path / "sources", "x = 1") == first
+    assert (first / "code").exists()
+    second = made(tmp_path / "sources", "x = 2")
+    assert second != first
+    assert not first.exists()
+    assert kept.exists()
+    # Half of the name is that of the shared sources.
+    assert second.name[:25] == first.name[:25]
+
+
+def test_a_chosen_folder_holds_the_machine_code(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "chosen"))
+    folder = made(tmp_path / "sources", "x = 1")
+    assert folder.parents[1] == tmp_path / "chosen"
+    assert folder.parent.name.startswith("sources_")
+
+
+@pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
+def test_an_entry_is_compiled_at_its_first_call_and_named_as_its_function() -> None:
+    def last_of(values: Any) -> Any:
+        return values[-1]
+
+    entry = compiled_entry(last_of)
+    assert entry.__name__ == "last_of"
+    assert entry(np.array([1.0, 5.0])) == 5.0
+    assert entry(np.array([1.0, 6.0])) == 6.0

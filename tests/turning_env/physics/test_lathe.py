@@ -666,6 +666,8 @@ def test_the_part_with_most_passes_decides_their_number() -> None:
     passes = start_parts(records.state, records.work, actions, AFTER, records.p)
     assert passes == 3
     assert records.work.passes[:AFTER].tolist() == [1, 3, 1, 1]
+    actions[1, 0] = -1.0
+    assert start_parts(records.state, records.work, actions, AFTER, records.p) == 1
 
 
 def test_the_control_looks_ahead_where_the_scenario_lets_it() -> None:

@@ -178,7 +178,7 @@ def test_a_cold_motor_may_be_overloaded(heat, share):
     assert allowed_share(records.state, ENV, records.p) == pytest.approx(share)
 
 
-@pytest.mark.parametrize("turns", [3.0, 0.0])
+@pytest.mark.parametrize("turns", [3.0, 0.5, 0.0])
 def test_the_motor_heats_up_by_the_square_of_its_load(turns):
     records = records_of(
         rated_power=10.0,

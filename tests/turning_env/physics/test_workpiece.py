@@ -143,6 +143,13 @@ def test_a_section_has_a_highest_speed(path: float, speed: float) -> None:
     assert limit_of_section(p, ENV, path) == speed
 
 
+def test_a_short_first_section_has_a_speed_of_its_own() -> None:
+    p = bars(**SECTIONS, has_section_lengths=True).p
+    p.section_starts[:3] = (0.0, 0.5, 200.0)
+    p.section_speeds[:3] = (100.0, 120.0, 140.0)
+    assert [limit_of_section(p, ENV, path) for path in (20.2, 20.7)] == [100.0, 120.0]
+
+
 @pytest.mark.parametrize(("share", "noise"), [(0.0, 3.0), (0.5, 0.6 * 3 + 0.8 * -2), (1.0, -2.0)])
 def test_noise_blends_two_nodes_along_a_quarter_circle(share: float, noise: float) -> None:
     """Half-way, the weights are those of the triangle of sides 3, 4 and 5."""
@@ -158,7 +165,7 @@ def test_fields_are_offset_and_noise_between_the_nodes_of_a_bar() -> None:
         log_hardness_mismatch=0.1,
     )
     # In steps, backwards too, so that nodes are kept, passed one by one, and jumped over.
-    for cut in (5.0, 30.0, 62.0, 130.0, 132.0, 20.0, 310.0, 312.0, 299.0):
+    for cut in (5.0, 30.0, 62.0, 30.0, 130.0, 132.0, 20.0, 310.0, 312.0, 299.0):
         look_up(records, cut)
         bar, along = divmod(cut, 300.0)
         hardness_offset, depth_offset = standard_normals(

@@ -7,6 +7,10 @@ import pytest
 
 from tests.turning_env.playing import changed
 from turning_env import PowerLaw, Scenario
+from turning_env.physics.machinability import log_wear_coefficient
+from turning_env.physics.records import parameter_records
+from turning_env.physics.spindle import capacity, idle_power
+from turning_env.physics.wear import life_share, log_wear
 from turning_env.scenario.laws import (
     Loads,
     capacity_at,
@@ -20,6 +24,7 @@ from turning_env.scenario.laws import (
     life_rate,
     load_shares,
     load_spread,
+    loads_at,
     machining_cost,
     power_capacity,
     removal_rate_at,
@@ -82,6 +87,19 @@ def test_power_for_the_cut_is_the_available_power_less_idling() -> None:
     assert cutting_power_limit(LATHE, SPEED, tolerated=1.2) == pytest.approx(1.952802, rel=1e-6)
 
 
+def test_the_power_of_a_cut_includes_idling() -> None:
+    # Without exponents, every cut has 300 N and 2 kW.
+    constant = {"feed": 0.0, "cutting_speed": 0.0, "depth_of_cut": 0.0, "wear": 0.0}
+    material = {
+        "thrust_force": constant | {"coefficient": 300.0, "hardness": 0.0},
+        "power": constant | {"coefficient": 2.0, "hardness": 1.0},
+    }
+    loads = loads_at(changed(LATHE, material=material), SPEED, 0.2, 2.5, wear=0.1, hardness=1.5)
+    assert loads.thrust_force == pytest.approx(300.0)
+    # 2 kW * 1.5 + 1.047 kW
+    assert loads.power == pytest.approx(4.047198, rel=1e-6)
+
+
 def test_loads_are_compared_with_limits_and_the_higher_share_decides() -> None:
     limits = SimpleNamespace(thrust_force=600.0, power=5.0)
     shares = load_shares(Loads(thrust_force=300.0, power=3.0), limits, capacity=0.8)
@@ -132,6 +150,22 @@ def test_wear_is_the_criterion_times_a_power_of_the_used_life() -> None:
     assert wear_at(scenario, 0.25) == pytest.approx(0.2)
     assert used_life_at(scenario, 0.2) == pytest.approx(0.25)
     assert used_life_at(scenario, 0.0) == 0.0
+
+
+def test_the_transition_has_the_same_laws() -> None:
+    scenario = Scenario.load("rough_turning")
+    p = parameter_records(scenario)[0]
+    speed, feed, depth = 150.0, 0.3, scenario.workpiece.depth_of_cut
+    log_coefficient = log_wear_coefficient(p, 0, np.log(speed), np.log(feed), np.log(depth), 0.0)
+    criterion = scenario.tool.wear_criterion
+    rate = life_rate(scenario.material.wear, criterion, speed, feed, depth)
+    assert life_share(p, 0, log_coefficient, 2.0) == pytest.approx(2.0 * rate, rel=1e-12)
+    assert np.exp(log_wear(p, 0, 0.3)) == pytest.approx(wear_at(scenario, 0.3), rel=1e-12)
+
+    slow = parameter_records(LATHE)[0]
+    for tried in (SPEED, 4.0 * SPEED):
+        assert capacity(slow, 0, tried) == pytest.approx(capacity_at(LATHE, tried), rel=1e-12)
+        assert idle_power(slow, 0, tried) == pytest.approx(idle_power_at(LATHE, tried), rel=1e-12)
 
 
 def test_a_cut_costs_its_time_and_the_edges_that_it_uses() -> None:

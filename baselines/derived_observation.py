@@ -1,0 +1,148 @@
+"""Inputs that follow from the observation and the nominal model, appended to observations.
+
+    env = DerivedObservation(gymnasium.make("RoughTurning-Family-v0"))
+    envs = VectorDerivedObservation(gymnasium.make_vec("RoughTurning-Family-v0", 512))
+
+A network must otherwise learn differences and quotients of the context's numbers. ``ENTRIES`` are
+functions of the observation and, on a family, of the context; if that is hidden, they are further
+information.
+"""
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.spaces import Box
+from gymnasium.utils import RecordConstructorArgs
+from gymnasium.vector import VectorEnv, VectorWrapper
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from baselines.belief import at_end, with_final
+from baselines.models.feed_loop import shares_of
+from baselines.models.nominal_points import PointsOfEnvs
+from turning_env.numerics.functions import log
+from turning_env.physics.quantities import DEVIATION_SCALE, MAX_RATIO
+from turning_env.policy import Actions, Observations
+
+DISTANCE_SCALE = 3.0
+"""Scale of log ratios: most distances are of order one then."""
+MAX_DISTANCE = 10.0  # highest absolute value of a scaled log ratio
+_LOADS = ("power_load", "highest_load")
+_DISTANCES = (
+    "speed_over_optimum",
+    "feed_over_optimum",
+    "feed_over_lowest",
+    "feed_below_highest",
+    "speed_over_base_speed",
+)
+ENTRIES = (*_LOADS, *_DISTANCES)
+"""Names of the entries.
+
+Loads are ``5 * (load / limit - 1)``, from -5 to 15, over the limit that holds at the present speed:
+of power, and the higher of power and thrust force. The others are ``3 * log(ratio)``, limited to
+-10..10: of the commanded speed and feed to the nominal optimum on a half-worn edge, of the
+commanded feed to the ends of the chip breaker's window, and of the actual speed to the base speed
+(10 without one).
+"""
+
+
+class _Derived:
+    """The derived inputs of the environments of a wrapper."""
+
+    def __init__(self, env: Any, num_envs: int) -> None:
+        self._models = PointsOfEnvs(env, num_envs, "a derived observation")
+
+    def follow(self, infos: dict[str, Any]) -> None:
+        """Take the jobs that environments play after a reset or a step."""
+        self._models.follow(infos)
+
+    def append(self, observations: Observations) -> Observations:
+        """Return observations, shape (num_envs, entries), and ``ENTRIES`` behind them."""
+        models = self._models
+        points = models.points
+        reading = models.read(observations)
+        loads = shares_of(reading, models.scenario)
+        log_speed = log(reading.commanded_cutting_speed)
+        log_feed = log(reading.commanded_feed)
+        # In the order of ``ENTRIES``.
+        shown_loads = [np.minimum(load, MAX_RATIO) for load in (loads.power, loads.highest)]
+        ratios = [
+            log_speed - points.log_speed,
+            log_feed - points.log_feed,
+            log_feed - points.log_lowest_feed,
+            points.log_highest_feed - log_feed,
+            log(reading.cutting_speed) - points.log_base_speed,
+        ]
+        deviations = DEVIATION_SCALE * (np.stack(shown_loads, axis=1) - 1.0)
+        distances = DISTANCE_SCALE * np.stack(ratios, axis=1)
+        limited = np.clip(distances, -MAX_DISTANCE, MAX_DISTANCE)
+        derived = np.concatenate([deviations, limited], axis=1).astype(np.float32)
+        return np.concatenate([observations, derived], axis=1)
+
+
+def with_entries(space: Any) -> Any:
+    """Return an observation space with ``ENTRIES`` behind its own."""
+    lowest_load = -DEVIATION_SCALE
+    highest_load = DEVIATION_SCALE * (MAX_RATIO - 1.0)
+    low = [lowest_load] * len(_LOADS) + [-MAX_DISTANCE] * len(_DISTANCES)
+    high = [highest_load] * len(_LOADS) + [MAX_DISTANCE] * len(_DISTANCES)
+    return Box(
+        np.concatenate([space.low, np.array(low, np.float32)]),
+        np.concatenate([space.high, np.array(high, np.float32)]),
+        dtype=np.float32,
+    )
+
+
+class DerivedObservation(
+    gymnasium.Wrapper[Observations, Actions, Observations, Actions], RecordConstructorArgs
+):
+    """A wrapper that appends ``ENTRIES`` to observations.
+
+    Raises:
+        ValueError: this is no environment of RoughTurning.
+    """
+
+    def __init__(self, env: gymnasium.Env[Observations, Actions]) -> None:
+        RecordConstructorArgs.__init__(self)
+        gymnasium.Wrapper.__init__(self, env)
+        self._derived = _Derived(env, 1)
+        self.observation_space = with_entries(env.observation_space)
+
+    def reset(self, **options: Any) -> tuple[Observations, dict[str, Any]]:
+        observation, info = self.env.reset(**options)
+        self._derived.follow(info)
+        return self._derived.append(observation[np.newaxis])[0], info
+
+    def step(self, action: Actions) -> tuple[Observations, Any, bool, bool, dict[str, Any]]:
+        observation, reward, terminated, truncated, info = self.env.step(action)
+        appended = self._derived.append(observation[np.newaxis])[0]
+        return appended, reward, terminated, truncated, info
+
+
+# Not subscripted: VectorWrapper is generic only from Gymnasium 1.4 on.
+class VectorDerivedObservation(VectorWrapper):
+    """``DerivedObservation`` for a vector environment, in every mode of autoreset."""
+
+    def __init__(self, env: VectorEnv[Observations, Actions, NDArray[Any]]) -> None:
+        super().__init__(env)
+        self._derived = _Derived(env, env.num_envs)
+        self.single_observation_space = with_entries(env.single_observation_space)
+        self.observation_space = batch_space(self.single_observation_space, env.num_envs)
+
+    def reset(
+        self, *, seed: Any = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observations, dict[str, Any]]:
+        observations, infos = self.env.reset(seed=seed, options=options)
+        self._derived.follow(infos)
+        return self._derived.append(observations), infos
+
+    def step(self, actions: Actions) -> tuple[Observations, Any, Any, Any, dict[str, Any]]:
+        observations, rewards, terminated, truncated, infos = self.env.step(actions)
+        if "final_obs" in infos:
+            # The last observations of episodes are of the jobs before, the others of the next ones.
+            ended = terminated | truncated
+            last = self._derived.append(at_end(observations, infos, ended))
+            infos = with_final(infos, ended, last)
+        self._derived.follow(infos)
+        return self._derived.append(observations), rewards, terminated, truncated, infos

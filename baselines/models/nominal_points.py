@@ -1,0 +1,115 @@
+"""Numbers of nominal models that loops and derived observations are set by.
+
+They are the best set points, the window of feeds, the base speed, and the exponents of feed.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from baselines.models.nominal_models import NominalModels, Values, new_jobs, scenario_of, values_of
+from baselines.rule import Array
+from turning_env import Reading, Scenario
+from turning_env.numerics.functions import log
+from turning_env.observation import read
+from turning_env.policy import Observations
+from turning_env.scenario.plan import MIDDLE, plan_of
+from turning_env.scenario.scenario_batch import ScenarioBatch
+
+MIN_EXPONENT = 0.2
+"""Lower bound of a law's exponent of feed [-]: small ones would make steps of any size."""
+
+
+class NominalPoints(NamedTuple):
+    """Numbers of nominal models; logarithms of speeds in m/min and of feeds in mm/rev.
+
+    Fields have the shape (num_envs,) but for ``log_speeds``, (num_envs, ``USED_LIVES``).
+    """
+
+    log_speeds: Array  # best cutting speeds at ``plan.USED_LIVES``
+    log_feed: Array  # best feed on a half-worn edge
+    log_base_speed: Array  # cutting speed at the spindle's base speed; -inf if it has none
+    log_lowest_feed: Array  # of the chip breaker's window, within the machine's range
+    log_highest_feed: Array
+    power_exponent: Array  # of feed in the law of power, at least ``MIN_EXPONENT``
+    force_exponent: Array  # likewise of thrust force
+
+    @property
+    def log_speed(self) -> Array:
+        """Best cutting speed on a half-worn edge."""
+        return self.log_speeds[:, MIDDLE]
+
+    def set(self, env_index: int, point: "NominalPoints") -> None:
+        """Give an environment the numbers of another nominal model, those of a batch of one."""
+        for numbers, new in zip(self, point, strict=True):
+            numbers[env_index] = new[0]
+
+
+def nominal_points(scenario: ScenarioBatch) -> NominalPoints:
+    """Return the numbers of nominal models side by side."""
+    num_envs = scenario.num_scenarios
+
+    def of_each(value: Array | float) -> Array:
+        """Return a number of each environment, in an array of its own."""
+        return np.array(np.broadcast_to(value, num_envs), np.float64)
+
+    plan = plan_of(scenario)
+    lowest_feed, highest_feed = scenario.feed_range
+    base_speed = of_each(scenario.base_cutting_speed)
+    has_base_speed = base_speed > 0.0
+    log_base_speed = log(np.where(has_base_speed, base_speed, 1.0))
+    material = scenario.material
+    return NominalPoints(
+        log_speeds=log(plan.speed),
+        log_feed=log(plan.feed[:, MIDDLE]),
+        log_base_speed=np.where(has_base_speed, log_base_speed, -np.inf),
+        log_lowest_feed=log(of_each(lowest_feed)),
+        log_highest_feed=log(of_each(highest_feed)),
+        power_exponent=np.maximum(of_each(material.power.feed), MIN_EXPONENT),
+        force_exponent=np.maximum(of_each(material.thrust_force.feed), MIN_EXPONENT),
+    )
+
+
+class PointsOfEnvs:
+    """Nominal models of the environments of a wrapper, and their points.
+
+    Args:
+        env: environment, or vector environment, perhaps in wrappers.
+        num_envs: number of environments.
+        needed_by: what needs the environment, for the error.
+
+    Attributes:
+        scenario: the nominal models side by side.
+        points: their numbers.
+
+    Raises:
+        ValueError: this is not an environment of RoughTurning.
+    """
+
+    def __init__(self, env: Any, num_envs: int, needed_by: str) -> None:
+        nominal = scenario_of(env, needed_by).nominal()
+        self._env = env.unwrapped
+        self._models = NominalModels([nominal] * num_envs)
+        self._jobs = np.full(num_envs, -1)
+        self._known: dict[int, tuple[Values, NominalPoints]] = {}
+        self.scenario = self._models.scenario
+        self.points = nominal_points(self.scenario)
+
+    def follow(self, infos: dict[str, Any]) -> None:
+        """Take the nominal models of the jobs that environments play after a reset or a step."""
+        for env_index in new_jobs(self._env, infos, self._jobs):
+            job = int(self._jobs[env_index])
+            if job not in self._known:
+                scenario = self._env.family.job(job, self._env.split).scenario
+                self._known[job] = _values_and_points(scenario.nominal())
+            values, points = self._known[job]
+            self._models.set(env_index, values)
+            self.points.set(env_index, points)
+
+    def read(self, observations: Observations) -> Reading:
+        """Return the readings of observations, whose first entries are the environment's own."""
+        return read(observations[:, : self._models.entries], self.scenario)
+
+
+def _values_and_points(nominal: Scenario) -> tuple[Values, NominalPoints]:
+    return values_of(nominal), nominal_points(ScenarioBatch.of([nominal]))
