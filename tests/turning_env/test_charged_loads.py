@@ -96,6 +96,8 @@ def compared(name):
             # Loads fall as soon as the tool leaves the metal. Those of a part are means over it.
             in_metal = infos["cutting"] | (scenario.control.action == "part")
             in_metal &= (infos["engaged_time"] > 0.0) & ~(terminated | truncated)
+            # An edge that failed in the step has been charged, and another one is observed.
+            in_metal &= infos["stopped_time"] == 0.0
             loads = observations[in_metal][:, [OBS.power, OBS.thrust_force]] / DEVIATION_SCALE + 1.0
             observed.append(np.maximum(loads - 1.0, 0.0).sum(axis=1))
             overload = -infos["reward_overload"] / scenario.economics.overload_price
