@@ -47,9 +47,10 @@ class NominalModels:
         self.scenario = ScenarioBatch(rows[0] | self._numbers, len(scenarios))
 
     def set(self, env_index: int, values: Values) -> None:
-        """Give an environment the nominal model with these values."""
-        for name, numbers in self._numbers.items():
-            numbers[env_index] = values[name]
+        """Give an environment a nominal model with these values; it keeps the others."""
+        for name, value in values.items():
+            if name in self._numbers:
+                self._numbers[name][env_index] = value
 
 
 def scenario_of(env: Any, needed_by: str) -> Scenario:

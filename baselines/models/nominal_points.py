@@ -7,12 +7,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from baselines.models.nominal_models import NominalModels, Values, new_jobs, scenario_of, values_of
+from baselines.models.nominal_models import NominalModels, new_jobs, scenario_of
 from baselines.rule import Array
-from turning_env import Reading, Scenario
+from turning_env import Reading
 from turning_env.numerics.functions import log
 from turning_env.observation import read
 from turning_env.policy import Observations
+from turning_env.scenario.family import CHUNK, DrawnJobs, fields_of
 from turning_env.scenario.plan import MIDDLE, plan_of
 from turning_env.scenario.scenario_batch import ScenarioBatch
 
@@ -39,10 +40,10 @@ class NominalPoints(NamedTuple):
         """Best cutting speed on a half-worn edge."""
         return self.log_speeds[:, MIDDLE]
 
-    def set(self, env_index: int, point: "NominalPoints") -> None:
-        """Give an environment the numbers of another nominal model, those of a batch of one."""
-        for numbers, new in zip(self, point, strict=True):
-            numbers[env_index] = new[0]
+    def set(self, env_index: int, others: "NominalPoints", row: int) -> None:
+        """Give an environment the numbers of another nominal model, in a row of others."""
+        for numbers, new in zip(self, others, strict=True):
+            numbers[env_index] = new[row]
 
 
 def nominal_points(scenario: ScenarioBatch) -> NominalPoints:
@@ -70,6 +71,13 @@ def nominal_points(scenario: ScenarioBatch) -> NominalPoints:
     )
 
 
+class _DrawnPoints(NamedTuple):
+    """A chunk of a family's jobs, which are drawn together, and the points of all of them."""
+
+    jobs: DrawnJobs
+    points: NominalPoints
+
+
 class PointsOfEnvs:
     """Nominal models of the environments of a wrapper, and their points.
 
@@ -91,25 +99,21 @@ class PointsOfEnvs:
         self._env = env.unwrapped
         self._models = NominalModels([nominal] * num_envs)
         self._jobs = np.full(num_envs, -1)
-        self._known: dict[int, tuple[Values, NominalPoints]] = {}
+        self._drawn: dict[int, _DrawnPoints] = {}
         self.scenario = self._models.scenario
         self.points = nominal_points(self.scenario)
 
     def follow(self, infos: dict[str, Any]) -> None:
         """Take the nominal models of the jobs that environments play after a reset or a step."""
         for env_index in new_jobs(self._env, infos, self._jobs):
-            job = int(self._jobs[env_index])
-            if job not in self._known:
-                scenario = self._env.family.job(job, self._env.split).scenario
-                self._known[job] = _values_and_points(scenario.nominal())
-            values, points = self._known[job]
-            self._models.set(env_index, values)
-            self.points.set(env_index, points)
+            chunk, row = divmod(int(self._jobs[env_index]), CHUNK)
+            if chunk not in self._drawn:
+                jobs = self._env.family.draw(self._env.split, chunk)
+                self._drawn[chunk] = _DrawnPoints(jobs, nominal_points(jobs.nominal))
+            drawn = self._drawn[chunk]
+            self._models.set(env_index, fields_of(drawn.jobs.nominal_fields, row))
+            self.points.set(env_index, drawn.points, row)
 
     def read(self, observations: Observations) -> Reading:
         """Return the readings of observations, whose first entries are the environment's own."""
         return read(observations[:, : self._models.entries], self.scenario)
-
-
-def _values_and_points(nominal: Scenario) -> tuple[Values, NominalPoints]:
-    return values_of(nominal), nominal_points(ScenarioBatch.of([nominal]))

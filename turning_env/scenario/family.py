@@ -445,9 +445,9 @@ class Family(Section):
         number = self.number(seed, episode, split)
         chunk, i = divmod(number, CHUNK)
         jobs = self.draw(split, chunk)
-        true = _fields_of(jobs.true_fields, i)
+        true = fields_of(jobs.true_fields, i)
         differing = {}
-        for name, value in _fields_of(jobs.nominal_fields, i).items():
+        for name, value in fields_of(jobs.nominal_fields, i).items():
             if value != true[name] and not always_known(name):
                 differing[name] = value
         values: Values = {"base": self.base, "name": f"{self.name}-{split}-{number}"}
@@ -707,7 +707,7 @@ class Family(Section):
         return values
 
 
-def _fields_of(fields: Values, i: int) -> Values:
+def fields_of(fields: Values, i: int) -> Values:
     """Return the fields of one of some jobs."""
     values = {}
     for name, value in fields.items():
