@@ -141,7 +141,7 @@ mutants: .venv/test
 system:
 	.ci/system
 
-# The faults of a control on LinuxCNC, of which one runs on a machine at a time: two minutes.
+# The faults of a control on LinuxCNC, of which one runs on a machine at a time: five minutes.
 control: .venv/test
 	.ci/control
 

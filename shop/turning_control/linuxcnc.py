@@ -209,12 +209,13 @@ def program(scenario: Scenario, bars: int) -> str:
 G97 S{spindle_speed:.1f} M3
 G95
 """
-    # M52 P1 lets the controller scale the feed of the pass, P0 takes it away.
+    # M52 P1 lets the controller scale the feed of the pass, P0 takes it away. The dwell lets the
+    # drive settle: the velocity of the rapids is no feed.
     bar = f"""M52 P0
 G0 X{radius + 5:.3f}
 G0 Z{work.approach + run_up:.3f}
-G4 P{10.0 * time_constant:.2f}
 G0 X{radius:.3f}
+G4 P{10.0 * time_constant:.2f}
 G1 Z{work.approach - lag * control.initial_feed:.3f} F{control.initial_feed:.4f}
 M52 P1
 G1 Z{-work.bar_length - run_up:.3f} F{highest:.4f}

@@ -535,6 +535,29 @@ def test_stops_of_the_control_stop_the_feed_and_leave_nothing_running(name: str)
     assert running() == []
 
 
+def half_feed(observations: Observations) -> Actions:
+    """Ask for half the programmed feed."""
+    return np.full((len(observations), 1), -0.5, np.float32)
+
+
+@needs_linuxcnc
+def test_a_run_up_with_adaptive_feed_off_is_no_fault(tmp_path: Path) -> None:
+    decisions = tmp_path / "decisions.log"
+    fault = Fault("e-stop", after=4.0, lasts=0.5)  # ends the run in the bar
+    linuxcnc.run(
+        f"{__name__}:half_feed",
+        "override",
+        bars=1,
+        seed=0,
+        fault=fault,
+        decisions=decisions,
+    )
+    faults = ("feed_velocity does not follow", "feed_velocity contradicts spindle_speed")
+    log = decisions.read_text()
+    assert "POLICY: passed" in log
+    assert not any(name in log for name in faults)
+
+
 @needs_linuxcnc
 def test_a_policy_of_wrong_answers_is_stopped_before_the_tool_reaches_the_bar() -> None:
     rows = run_with_fault("policy", policy=f"{__name__}:not_a_number")
