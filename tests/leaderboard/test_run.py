@@ -185,7 +185,7 @@ def test_splits_are_played_by_what_was_tuned_for_the_scenario(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     splits = ("harder_lot", "ck45")
-    monkeypatch.setattr("leaderboard.cards.SPLITS", splits)
+    monkeypatch.setattr("leaderboard.run_command.SPLITS", splits)
     results = tmp_path / "results"
     agent = onnx_agents.write(tmp_path, 0)
     seeds = ["--seeds", "2", "--split-seeds", "2"]
