@@ -11,6 +11,7 @@ for three searches; each file states its result:
 * ``baselines/models/feed_search.py`` is Newton's method; against a grid of set points within reach.
 """
 
+import sys
 import time
 from collections.abc import Callable
 from functools import partial
@@ -26,6 +27,7 @@ from baselines.two_limits import ECONOMIC_OPTIMUM, set_point
 from leaderboard.play import play
 from leaderboard.seeds import tuning_seeds
 from turning_env import Family, Reading, Scenario
+from turning_env.console import Parser, described
 from turning_env.numerics.compilation import compiled_entry
 from turning_env.numerics.functions import exp, log
 from turning_env.scenario.laws import capacity_at, load_shares, loads_at
@@ -186,7 +188,14 @@ def newton() -> str:
     )
 
 
-if __name__ == "__main__":
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line; return the exit status."""
+    Parser(prog="python -m research.studies.searches", **described(__doc__)).parse_args(arguments)
     print(factored_grid())
     print(closed_form())
     print(newton())
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
