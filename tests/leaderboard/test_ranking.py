@@ -22,6 +22,7 @@ from leaderboard.result import (
 )
 from leaderboard.trajectories import SERIES, Trajectories, Trajectory
 from tests.leaderboard.conftest import ENV_ID, MakeResult, spec
+from tests.turning_env.playing import changed
 from turning_env import IDS, Scenario
 
 
@@ -283,6 +284,21 @@ def test_what_a_policy_is_follows_from_the_present_code(
     assert about["grid_search"].training_seeds == ()
     assert about["grid_search"].inputs is None
     assert about["ppo"].inputs is not None
+
+
+def test_inputs_count_on_the_scenario_of_the_training(make_result: MakeResult, task: Task) -> None:
+    """The scored edge ends with the episode. In one training it outlived the job of three bars."""
+    ends_with_edge = changed(task.scenario, workpiece={"bars": 0}, control={"edge_changes": "end"})
+    ends_with_job = changed(ends_with_edge, workpiece={"bars": 3})
+    scored = task.model_copy(update={"scenario": ends_with_edge})
+    parameters = {"training_information": ["rewards", "life price", "spreads"]}
+    inputs = {}
+    for trained_on in (None, ends_with_job):
+        policy = spec("ppo", seed=0, parameters=parameters, trained_on=trained_on)
+        (standing,) = rank([make_result("ppo", policy=policy, on=scored)])
+        assert standing.about.inputs is not None
+        inputs[trained_on] = standing.about.inputs.training
+    assert inputs == {None: ("rewards", "life price", "spreads"), ends_with_job: ("rewards",)}
 
 
 def test_agents_of_one_training_share_a_name_and_others_name_their_seeds(

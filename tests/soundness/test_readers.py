@@ -17,7 +17,7 @@ from tests.soundness.acting import tried
 from tests.soundness.readers import READERS, attempt, damages, small_result
 from train.curves import Trainings
 from train.tune_rules import TrialLog
-from turning_env import Scenario, ScenarioError
+from turning_env import Family, Scenario, ScenarioError
 
 
 def tampered() -> bytes:
@@ -84,6 +84,16 @@ def test_an_agent_is_read_and_acts_or_is_refused(tmp_path: Path, content: bytes)
         assert np.abs(actions).max() <= 1.0
 
 
+def to_zero(path: Path) -> None:
+    path.symlink_to("/dev/zero")
+
+
+def to_pipe(path: Path) -> None:
+    os.mkfifo(path.with_name("elsewhere"))
+    path.symlink_to("elsewhere")
+
+
+@pytest.mark.parametrize("place", [os.mkfifo, to_zero, to_pipe, Path.mkdir])
 @pytest.mark.parametrize(
     ("name", "read"),
     [
@@ -91,12 +101,18 @@ def test_an_agent_is_read_and_acts_or_is_refused(tmp_path: Path, content: bytes)
         ("learning_curves.json", Trainings.read),
         ("trials.jsonl", lambda path: TrialLog(path, []).read()),
         ("agent.onnx", sandbox.load),
+        ("scenario.toml", Scenario.load),
+        ("family.toml", Family.load),
     ],
 )
-def test_no_reader_waits_for_a_pipe(
-    name: str, read: Callable[[Path], object], tmp_path: Path
+def test_no_reader_waits_for_what_is_no_regular_file(
+    name: str,
+    read: Callable[[Path], object],
+    place: Callable[[Path], object],
+    tmp_path: Path,
 ) -> None:
-    os.mkfifo(tmp_path / name)
-    with pytest.raises((ValueError, OSError), match="must be a regular file") as refusal:
+    place(tmp_path / name)
+    reason = "must be a regular file|no file is called"
+    with pytest.raises((ValueError, OSError), match=reason) as refusal:
         read(tmp_path / name)
     assert str(tmp_path / name) in str(refusal.value)

@@ -4,6 +4,7 @@ Locks: ``tests/faults/test_at_once.py``.
 """
 
 import os
+import stat
 from collections.abc import Callable
 from pathlib import Path
 
@@ -82,6 +83,22 @@ def test_a_write_follows_no_link_that_was_placed_in_advance(tmp_path: Path) -> N
     replace_file(folder / "file.txt", write_text)
     assert secret.read_text() == "kept"
     assert (folder / "file.txt").read_text() == "text"
+
+
+def test_a_write_fills_a_new_folder_that_others_cannot_enter(tmp_path: Path) -> None:
+    folders = []
+
+    def write(path: Path) -> None:
+        status = path.parent.stat()
+        assert stat.S_IMODE(status.st_mode) == 0o700
+        assert status.st_uid == os.getuid()
+        folders.append(path.parent)
+        write_text(path)
+
+    replace_file(tmp_path / "file.txt", write)
+    replace_file(tmp_path / "file.txt", write)
+    assert tmp_path not in folders
+    assert folders[0] != folders[1]
 
 
 def test_a_new_file_has_the_permissions_of_any_other(tmp_path: Path) -> None:

@@ -21,6 +21,19 @@ def test_each_environment_has_the_numbers_of_its_model() -> None:
     assert np.ravel(models.scenario.machine.feed_max).tolist() == [0.5, 0.5]
 
 
+def test_choices_stay_those_that_all_environments_share() -> None:
+    models = NominalModels([Scenario(), OTHER])
+    models.set(0, values_of(changed(OTHER, spindle={"short_time_load": 1.2})))
+    assert models.scenario.spindle.short_time_load == Scenario().spindle.short_time_load
+    assert models.scenario.control.edge_changes == Scenario().control.edge_changes
+
+
+def test_one_environment_has_a_model_of_its_own() -> None:
+    models = NominalModels([OTHER])
+    assert models.entries == 11
+    assert np.ravel(models.scenario.limits.power).tolist() == [5.0]
+
+
 def test_values_have_dotted_names() -> None:
     values = values_of(OTHER)
     assert values["limits.power"] == 5.0

@@ -160,8 +160,9 @@ def force_at(scenario: Scenario, life: float) -> Any:
 
 def stronger(scenario: Scenario, life: float) -> Any:
     """Return the chance that an edge is stronger than force and notch."""
+    strength = scenario.tool.edge_strength
     force_spread = spread_of(scenario.material.thrust_force)
-    by_force = np.log(900.0 / force_at(scenario, life)) / math.hypot(force_spread, 0.12)
+    by_force = np.log(strength / force_at(scenario, life)) / math.hypot(force_spread, 0.12)
     notch = max(scenario.edge_failure.notch_growth * life, 1e-9)
     return norm.cdf(by_force) * norm.cdf(-math.log(notch) / 0.12) + 1e-9
 
@@ -198,7 +199,7 @@ def hazard_of(scenario: Scenario, middle: float, end: float) -> Any:
     speed, feed = set_points_of(scenario)
     failure = scenario.edge_failure
     force_spread = spread_of(scenario.material.thrust_force)
-    load = np.log(force_at(scenario, middle) / 900.0) + 0.5 * force_spread**2
+    load = np.log(force_at(scenario, middle) / scenario.tool.edge_strength) + 0.5 * force_spread**2
     hazard = failure.chipping_rate * np.exp(failure.chipping_load_exponent * load)
     hazard = hazard * (wear_at(middle) / 0.4) ** failure.chipping_wear_exponent
     if failure.collapse_temperature:
@@ -260,6 +261,16 @@ def test_a_schedule_is_the_best_by_brute_force(form: str) -> None:
     assert plan.feed[:best] == pytest.approx(feeds[feed_index])
     # The best speed lies between the lowest and the highest.
     assert 0 < speed_index[0] < SPEEDS - 1
+
+
+def test_a_schedule_spares_weak_edges() -> None:
+    """At 450 N instead of 900 N, the force breaks edges below its limit, too."""
+    weak = changed(SIMPLE, tool={"edge_strength": 450.0})
+    plan = schedule(weak)
+    steps = life_steps(weak)
+    values = [worths(steps, plan.time, change)[0] for change in range(1, LIVES + 1)]
+    assert max(values) == pytest.approx(0.0, abs=0.01)
+    assert plan.time < schedule(SIMPLE).time - 0.01
 
 
 def test_a_schedule_knows_chatter() -> None:

@@ -10,9 +10,15 @@ import pytest
 from numpy.typing import NDArray
 
 from leaderboard.agents import agent_file, onnx_policy
-from leaderboard.agents.network import act_checked
+from leaderboard.agents.network import StrictNetwork, act_checked
 from leaderboard.agents.onnx_session import OnnxPolicy, session_of
-from leaderboard.agents.sandbox import LIMITS, GuardedPolicy, ProcessLimits, Sandbox
+from leaderboard.agents.sandbox import (
+    LIMITS,
+    AgentTimeoutError,
+    GuardedPolicy,
+    ProcessLimits,
+    Sandbox,
+)
 from tests.leaderboard.agents import onnx_agents
 
 NUM_ENVS = 6
@@ -84,8 +90,9 @@ def test_its_process_holds_no_variables_and_no_files_of_this_one(
     }
     for none in ("Max open files", "Max file size", "Max core file size", "Max processes"):
         assert limits[none] == "0"
-    assert limits["Max cpu time"] == str(LIMITS.computing)
-    assert limits["Max address space"] == str(LIMITS.memory * 2**20)
+    # Ten minutes, and 3 GiB.
+    assert limits["Max cpu time"] == "600"
+    assert limits["Max address space"] == str(3 * 2**30)
 
 
 @linux
@@ -137,22 +144,38 @@ def test_actions_out_of_bounds_are_refused_while_playing() -> None:
         policy.act(3.0 * np.ones_like(given))
 
 
+class Fickle:
+    """A session that acts at random, which the allowed operators cannot."""
+
+    def __init__(self) -> None:
+        self._generator = np.random.default_rng(0)
+
+    def run(self, names: None, fed: dict[str, NDArray[np.float32]]) -> list[NDArray[np.float32]]:
+        shape = len(fed["observation"]), 2
+        return [self._generator.uniform(-1, 1, shape).astype(np.float32)]
+
+    def get_outputs(self) -> list[object]:
+        return [type("Output", (), {"name": "action"})]
+
+
+def test_the_first_actions_and_one_in_32_of_the_others_are_checked() -> None:
+    network = StrictNetwork()
+    network.read(onnx_agents.content(False))
+    network.session()
+    policy = OnnxPolicy(Fickle(), 0, 1)
+    given = observations(1, 1)[0]
+    checked = []
+    for call in range(3_202):
+        try:
+            network.act(policy, given, call)
+        except ValueError:
+            checked.append(call)
+    assert checked[:2] == [0, 1]
+    # 100 of 3,200 are expected, with a standard deviation of 10.
+    assert 50 < len(checked[2:]) < 150
+
+
 def test_actions_that_differ_for_the_same_observations_are_refused() -> None:
-    class Fickle:
-        """Not to be had from the operators that are allowed."""
-
-        def run(
-            self, names: None, fed: dict[str, NDArray[np.float32]]
-        ) -> list[NDArray[np.float32]]:
-            return [
-                np.random.default_rng()
-                .uniform(-1, 1, (len(fed["observation"]), 2))
-                .astype(np.float32)
-            ]
-
-        def get_outputs(self) -> list[object]:
-            return [type("Output", (), {"name": "action"})]
-
     with pytest.raises(ValueError, match="gives other actions for the same observations"):
         act_checked(OnnxPolicy(Fickle(), 0, 2), observations(1, 2)[0], np.random.default_rng())
 
@@ -191,7 +214,11 @@ def test_a_process_ends_with_its_policy() -> None:
 
 LIES = {
     "silence": ("", "its process has ended"),
-    "too much": ("send(b'K', 10**9)", "its process has ended"),
+    # A description may have 7,000,000 bytes. More of them are not read.
+    "too much": (
+        "send(b'K', 7_000_001); wire.settimeout(0.3); wire.sendall(bytes(7_000_001))",
+        "its process has ended",
+    ),
     "another kind": ("send(b'Z', 0)", "sends an answer of the wrong kind or length"),
     "no outline": (
         "send(b'K', 3); wire.sendall(b'{}x')",
@@ -213,6 +240,12 @@ def test_a_process_that_lies_is_not_believed(lie: str) -> None:
     program += answer
     with pytest.raises(ValueError, match=message):
         Sandbox(b"content", strict=True, program=program)
+
+
+def test_a_process_that_does_not_answer_is_ended() -> None:
+    program = "import time; time.sleep(100.0)"
+    with pytest.raises(AgentTimeoutError, match=r"gives no answer within 0\.2 s"):
+        Sandbox(b"content", ProcessLimits(start=0.2), program=program)
 
 
 def test_links_pipes_devices_and_folders_are_no_files(tmp_path: Path) -> None:

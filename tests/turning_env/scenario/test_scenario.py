@@ -1,5 +1,6 @@
 """Scenario files: what is read, refused, written and identified."""
 
+import re
 from operator import attrgetter
 
 import pytest
@@ -322,7 +323,8 @@ def test_an_error_shows_the_first_few_faults(text, tmp_path):
     with pytest.raises(ScenarioError) as refusal:
         Scenario.load(path)
     message = str(refusal.value)
-    assert "; and more" in message
+    assert message.endswith("; and more")
+    assert len(set(re.findall(r"key\d+|depth_profile\.\d+", message))) == 10
     assert len(message) < 5_000
 
 
