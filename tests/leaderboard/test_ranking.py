@@ -280,6 +280,7 @@ def test_what_a_policy_is_follows_from_the_present_code(
     assert about["sac"].description == "made up"
     assert about["grid_search"].description == RULES["grid_search"].description
     assert (about["ppo"].own, about["sac"].own, about["grid_search"].own) == (False, True, False)
+    assert about["ppo"].training_seeds == (0,)
     assert about["sac"].training_seeds == (3,)
     assert about["grid_search"].training_seeds == ()
     assert about["grid_search"].inputs is None

@@ -731,6 +731,14 @@ def test_a_step_of_four_tangled_chips_stops_four_times() -> None:
     assert info["time"] == pytest.approx(120.0)
 
 
+def test_a_step_in_air_deviates_by_the_whole_roughness_for_its_time() -> None:
+    """The tool needs longer than a step of 10 ms to reach the bar."""
+    scenario = changed("surface", workpiece={"approach": 50.0})
+    (info,) = infos(scenario, [[0.0]])
+    assert info["engaged_time"] == 0.0
+    assert info["roughness_deviation"] == pytest.approx(info["time"])
+
+
 def test_parts_are_turned_in_their_passes() -> None:
     """A casting in two passes: its volume, time and passes by hand."""
     scenario = changed(

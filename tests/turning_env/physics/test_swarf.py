@@ -6,7 +6,7 @@ import pytest
 
 from baselines.fixed import FixedParameters
 from leaderboard.play import Episodes, play
-from tests.turning_env.physics.one_env import AFTER, ENV, put, records_of
+from tests.turning_env.physics.one_env import AFTER, ENV, fill, put, records_of
 from tests.turning_env.playing import UNDISTURBED, changed
 from turning_env.numerics.keyed_random import TANGLE_CHANNEL, exponential
 from turning_env.physics.swarf import tangle
@@ -120,3 +120,11 @@ def test_chips_tangle_once_the_margin_is_used_up_and_the_next_one_is_drawn(
     assert records.work.tangles[ENV] == 2
     # The environments beside it go on.
     assert not records.state.tangles[:ENV].any()
+
+
+def test_chips_of_all_environments_may_tangle_at_once() -> None:
+    records = records_of()
+    fill(records.state, seed=4, tangle_margin=-0.5)
+    tangle(records.state, records.work, AFTER, records.p)
+    assert records.work.tangles[:AFTER].tolist() == [1] * AFTER
+    assert (records.state.tangle_margin[:AFTER] > -0.5).all()
