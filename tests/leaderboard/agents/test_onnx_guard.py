@@ -3,17 +3,19 @@
 import os
 import signal
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from leaderboard.agents import agent_file, onnx_policy
+from leaderboard.agents import agent_file, onnx_policy, sandbox
 from leaderboard.agents.network import StrictNetwork, act_checked
 from leaderboard.agents.onnx_session import OnnxPolicy, session_of
 from leaderboard.agents.sandbox import (
     LIMITS,
+    AgentFileError,
     AgentTimeoutError,
     GuardedPolicy,
     ProcessLimits,
@@ -260,3 +262,17 @@ def test_links_pipes_devices_and_folders_are_no_files(tmp_path: Path) -> None:
             ValueError, match=r"must be a regular file|is a folder with 0 .onnx files"
         ):
             onnx_policy.load(name)
+
+
+@pytest.mark.parametrize(
+    ("load", "max_bytes"), [(onnx_policy.load, 20_000_000), (sandbox.load, 200_000_000)]
+)
+def test_files_that_are_too_large_are_refused(
+    load: Callable[[Path], object], max_bytes: int, tmp_path: Path
+) -> None:
+    path = tmp_path / "agent.onnx"
+    path.touch()
+    os.truncate(path, max_bytes + 1)
+    message = rf"agent\.onnx: is larger than {max_bytes} bytes"
+    with pytest.raises(AgentFileError, match=message):
+        load(path)
