@@ -17,9 +17,18 @@ from tests.turning_env.physics.one_env import (
     records_of,
     values_of,
 )
-from tests.turning_env.playing import SHORT_LIVED, UNDISTURBED, changed, fixed_actions, infos, play
-from turning_env import IDS, RoughTurningEnv, Scenario
+from tests.turning_env.playing import (
+    HOT_SPINDLE,
+    SHORT_LIVED,
+    UNDISTURBED,
+    changed,
+    fixed_actions,
+    infos,
+    play,
+)
+from turning_env import IDS, RoughTurningEnv, RoughTurningVectorEnv, Scenario
 from turning_env.batch.driver import start_episodes
+from turning_env.numerics.keyed_random import TANGLE_CHANNEL, exponential
 from turning_env.physics.lathe import (
     add_roughness,
     add_to_sums,
@@ -37,6 +46,7 @@ from turning_env.physics.lathe import (
     move,
     move_tools,
     replace_failed_edges,
+    run_step,
     start_episode,
     start_interval,
     start_parts,
@@ -696,7 +706,10 @@ def test_an_episode_starts_at_the_first_bar_with_a_fresh_edge(
     assert values_of(state, *names) == [150.0, 0.3, 150.0, 0.3]
     assert values_of(state, "depth_of_cut", "pass_ceiling") == [2.0, math.inf]
     assert state.log_nominal_depth[ENV] == math.log(2.0)
-    assert state.tangle_margin[ENV] > 0.0
+    # The first tangle then draws the margin with index 1.
+    margin = exponential(state, ENV, channel=TANGLE_CHANNEL, bar=0, index=0)
+    assert state.tangle_margin[ENV] == margin
+    assert state.bar_hardness_normal[ENV] != 0.0
     assert state.edge_strength[ENV] > 0.0
     logarithms = values_of(records.work, "log_cutting_speed", "log_feed")
     assert logarithms == pytest.approx([math.log(150.0), math.log(0.3)])
@@ -720,6 +733,54 @@ def test_a_minute_of_one_metal_by_hand() -> None:
     assert info["mean_power"] < info["power"]
     terms = [info[name] for name in info if name.startswith("reward_")]
     assert info["reward"] == pytest.approx(sum(terms))
+
+
+def test_the_excess_of_a_constant_power_is_its_mean_over_the_step() -> None:
+    """0.1 kW per m/min is 12.5 kW at 125 m/min: 1.25 times as much as 10 kW."""
+    exponents = {"cutting_speed": 1.0, "feed": 0.0, "depth_of_cut": 0.0, "wear": 0.0}
+    material = {"power": {"coefficient": 0.1} | exponents}
+    limits = {"power": 10.0, "thrust_force": 1e6, "overload_tolerance": 0.0}
+    scenario = changed(UNDISTURBED, material=material, limits=limits)
+    for info in infos(scenario, [(0.0, 0.0), (0.0, 0.0)]):
+        assert info["mean_power"] == pytest.approx(12.5)
+        assert info["excess_power"] == pytest.approx(0.25)
+        assert info["excess"] == pytest.approx(0.25)
+
+
+@pytest.mark.parametrize("rule", ["equivalent_time", "clock_time"])
+def test_the_nominal_edge_wears_by_the_rule_of_the_scenario(rule: str) -> None:
+    """Where the nominal model is true, after two minutes at different cutting speeds."""
+    scenario = changed(UNDISTURBED, tool={"wear_rule": rule})
+    records = records_of(scenario)
+    for i in range(AFTER):
+        start_episode(records.state, records.work, records.report, i, records.p)
+    for speed in (-0.5, 0.5):
+        actions = np.tile((speed, 0.0), (AFTER, 1))
+        run_step(records.state, records.work, records.report, actions, AFTER, records.p)
+    assert records.state.used_life[ENV] > 0.0
+    nominal, used = values_of(records.state, "nominal_used_life", "used_life")
+    assert nominal == pytest.approx(used)
+
+
+def test_the_motor_becomes_hot_where_it_may_be_overloaded_for_a_short_time() -> None:
+    actions = [(1.0, 1.0, -1.0)] * 3
+    heats = [info["spindle_heat"] for info in infos(HOT_SPINDLE, actions)]
+    assert 0.0 < heats[0] < heats[1] < heats[2]
+    (info,) = infos(changed(HOT_SPINDLE, spindle={"short_time_load": 1.0}), actions[:1])
+    assert info["spindle_heat"] == 0.0
+
+
+def test_a_part_of_fewer_passes_waits_for_the_others() -> None:
+    """One pass beside a part of four takes no more time or path than alone."""
+    actions = np.zeros((2, 10), np.float32)
+    actions[:, 0] = (-1.0, 1.0)
+    env = RoughTurningVectorEnv(2, scenario=Scenario.load("batch_casting"))
+    env.reset(seed=[4, 5])
+    *_, info = env.step(actions)
+    assert info["passes"].tolist() == [1.0, 4.0]
+    (alone,) = infos(Scenario.load("batch_casting"), actions[:1], seed=4)
+    for name in ("path", "time", "engaged_time", "used_life", "removed"):
+        assert info[name][0] == alone[name], name
 
 
 def test_a_step_of_four_tangled_chips_stops_four_times() -> None:
