@@ -47,6 +47,7 @@ from baselines.models.kalman_steps import (
     load_of_edge,
     log_load,
     log_wear_factor,
+    look_ahead,
     move_on,
     new_scratch,
     on_track,
@@ -56,6 +57,7 @@ from baselines.models.kalman_steps import (
     variance_of_edge,
     wear_edge,
 )
+from baselines.models.load_filter import Outlook
 
 PRIOR = np.array([0.04, 0.0004, 0.01, 0.00001, 0.02, *[0.0] * (STATES - 5)])
 MODEL: dict[str, Any] = {
@@ -736,3 +738,42 @@ def test_a_spread_lies_within_0_and_1(variance: float, spread: float) -> None:
     nothing = np.zeros((STATES, STATES))
     found = spread_of_load(model(), FORCE, ahead, nothing, variance, np.zeros(STATES))
     assert found == pytest.approx(spread)
+
+
+def test_the_outlook_is_that_of_each_environment_and_point() -> None:
+    """Three environments of two models; of the second point, the bar is entered."""
+    models = [model(), model(depth_of_cut=3.0, separates_idle=0.0)]
+    memories = [memory(), memory(speed=150.0), memory(feed=0.4)]
+    estimates = [estimate(seed) for seed in range(3)]
+    means = np.array([mean for mean, _ in estimates])
+    covariances = np.array([covariance for _, covariance in estimates])
+    distances = np.array([[5.0, 40.0], [10.0, 60.0], [0.0, 20.0]])
+    entering = np.array([[False, True]] * 3)
+    outlook = Outlook(*np.full((len(Outlook._fields), 3, 2), np.nan))
+    look_ahead(
+        models,
+        memories,
+        means,
+        covariances,
+        distances=distances,
+        entering=entering,
+        outlook=outlook,
+    )
+    for env, of_env in ((0, models[0]), (1, models[1]), (2, models[0])):
+        mean, covariance = estimates[env]
+        for k in range(2):
+            ahead = bar_ahead(of_env, mean, distances[env, k], entering[env, k])
+            depth = of_env.depth_of_cut * ahead.depth_ratio
+            assert outlook.depth_of_cut[env, k] == pytest.approx(depth)
+            assert outlook.log_hardness[env, k] == pytest.approx(ahead.log_hardness)
+            for law, loads, spreads in (
+                (FORCE, outlook.log_force, outlook.force_spread),
+                (POWER, outlook.log_power, outlook.power_spread),
+            ):
+                derivatives = np.zeros(STATES)
+                products = np.zeros(STATES)
+                edge = load_of_edge(of_env, memories[env], mean, law, derivatives)
+                variance = variance_of_edge(covariance, derivatives, products)
+                assert loads[env, k] == pytest.approx(load_of_bar(of_env, law, ahead, edge))
+                spread = spread_of_load(of_env, law, ahead, covariance, variance, products)
+                assert spreads[env, k] == pytest.approx(spread)
