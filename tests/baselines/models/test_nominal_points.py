@@ -42,7 +42,7 @@ def test_the_numbers_of_models_side_by_side() -> None:
 
 def test_an_environment_gets_the_numbers_of_another_model() -> None:
     points = nominal_points(ScenarioBatch.of([PLAIN, PLAIN]))
-    points.set(1, nominal_points(ScenarioBatch.of([BASED])))
+    points.set(1, nominal_points(ScenarioBatch.of([BASED])), row=0)
     expected = nominal_points(ScenarioBatch.of([PLAIN, BASED]))
     for found, numbers in zip(points, expected, strict=True):
         np.testing.assert_array_equal(found, numbers)
