@@ -247,12 +247,13 @@ def test_earnings_are_those_of_the_highest_feed_within_the_limits(scenario: Scen
 
 def test_a_load_that_hardly_depends_on_feed_counts_with_a_tenth() -> None:
     parameters = records([numbers_of(BY_HAND, severity=1.0)])
-    earnings = np.empty((2, LIVES + 1, SPEEDS))
-    durations = np.empty((2, LIVES + 1, SPEEDS))
-    for place, exponent in enumerate((0.02, 0.1)):
+    earnings = np.empty((3, LIVES + 1, SPEEDS))
+    durations = np.empty((3, LIVES + 1, SPEEDS))
+    for place, exponent in enumerate((0.02, 0.1, 0.15)):
         laws = expected_laws(BY_HAND, force_feed=exponent, log_force=-2.0, power_feed=exponent)
         compare_speeds(parameters[0], laws[0], 0.3, earnings[place], durations[place])
     assert earnings[0] == pytest.approx(earnings[1])
+    assert not np.allclose(earnings[1], earnings[2])
 
 
 def test_the_best_is_the_first_with_the_highest_worth() -> None:
@@ -331,8 +332,8 @@ def test_used_lives_are_kept_within_a_hundredth_and_1() -> None:
 
 
 def test_life_that_is_worth_less_than_a_second_counts() -> None:
-    # 100.2 - 99.9 c = 0.2 + 0.1 c at c = 1, where the life is worth 0.3 s.
-    assert price_of_time(edge(0.2, 0.1), *lives_of([100.2], [99.9])) == pytest.approx(1.0)
+    # 200.2 - 99.9 c = 0.2 + 0.1 c at c = 2, where the life is worth 0.4 s.
+    assert price_of_time(edge(0.2, 0.1), *lives_of([200.2], [99.9])) == pytest.approx(2.0)
 
 
 def test_worthless_life_need_not_be_used_if_edges_are_changed_on_command() -> None:

@@ -1,5 +1,6 @@
 """The filter's equations against matrices of NumPy and SciPy, and by hand."""
 
+import inspect
 import math
 from types import SimpleNamespace
 from typing import Any
@@ -750,7 +751,8 @@ def test_the_outlook_is_that_of_each_environment_and_point() -> None:
     distances = np.array([[5.0, 40.0], [10.0, 60.0], [0.0, 20.0]])
     entering = np.array([[False, True]] * 3)
     outlook = Outlook(*np.full((len(Outlook._fields), 3, 2), np.nan))
-    look_ahead(
+    # The function itself, as compiled code takes arrays of records and no keywords.
+    inspect.unwrap(look_ahead)(
         models,
         memories,
         means,

@@ -226,13 +226,15 @@ def life_steps(scenario: Scenario) -> Steps:
     return steps
 
 
-def worths(steps: Steps, price: float, change_at: int) -> tuple[Any, list[int]]:
+def worths(
+    steps: Steps, price: float, change_at: int, unplanned_stop: float = 1.5
+) -> tuple[Any, list[int]]:
     """Return the worth of an edge that is changed at a step of life [s], and its set points."""
     gain, time, survival = steps
     edge = 180.0
     worth = -60.0 * price * 2.0 - edge * (1.0 - change_at / LIVES)
     if change_at == LIVES:
-        worth = -60.0 * price * 3.5
+        worth = -60.0 * price * (2.0 + unplanned_stop)
     set_points = []
     for k in range(change_at - 1, -1, -1):
         broken = -edge * (1.0 - (k + 1.0) / LIVES) - 60.0 * price * 9.0
@@ -261,6 +263,14 @@ def test_a_schedule_is_the_best_by_brute_force(form: str) -> None:
     assert plan.feed[:best] == pytest.approx(feeds[feed_index])
     # The best speed lies between the lowest and the highest.
     assert 0 < speed_index[0] < SPEEDS - 1
+
+
+def test_an_edge_whose_end_stops_nothing_else_is_used_up() -> None:
+    scenario = changed(SIMPLE, economics={"unplanned_stop": 0.0})
+    plan = schedule(scenario)
+    worth, _ = worths(life_steps(scenario), plan.time, LIVES, unplanned_stop=0.0)
+    assert plan.change_at == 1.0
+    assert worth == pytest.approx(0.0, abs=0.01)
 
 
 def test_a_schedule_spares_weak_edges() -> None:
