@@ -453,11 +453,12 @@ def test_the_simulated_figures_are_those_of_the_documentation() -> None:
     assert "| programmed | simulation | 22.4" in table  # docs/connect_a_lathe.md
 
 
-# Parts of the command lines of processes that belong to the simulated lathe.
+# Parts of the command lines of processes that belong to the simulated lathe. A NUL separates two
+# arguments, so that a shell that was given a whole command as one argument is not among them.
 PROCESSES = (
     "hal_bridge.py",
     "panel.py",
-    "turning_control drive",
+    "turning_control\0drive",
     "turning_control.plant",
     "milltask",
     "rtapi_app",
@@ -469,7 +470,7 @@ def running(names: tuple[str, ...] = PROCESSES) -> list[str]:
     lines = []
     for path in Path("/proc").glob("[0-9]*/cmdline"):
         try:
-            line = path.read_bytes().replace(b"\0", b" ").decode(errors="replace")
+            line = path.read_bytes().decode(errors="replace")
         except OSError:
             continue
         if any(name in line for name in names):
