@@ -136,6 +136,8 @@ class Controller:
         observation = self.observe(self._watch.bounded(readings))
         fault = self._watch.fault(readings, read(observation, self._scenario))
         commands = self._commands(readings, observation, fault)
+        # While the feed is held or the tool is in rapid motion, a fault holds no safe feed.
+        self._report(fault if commands.reason == fault else "")
         LOG.debug(
             "%s: %s: feed %.4f, %s",
             commands.status.name,
@@ -149,7 +151,6 @@ class Controller:
         self, readings: Readings, observation: NDArray[np.float32], fault: str
     ) -> Commands:
         """Return the commands after readings that have a fault, or none if the text is empty."""
-        self._report(fault if readings.in_feed is not False else "")
         if self._shield.takeover[0]:
             return feed_hold(Status.OPERATOR, "takeover")
         lowest_turns = spindle_speed_at(self._scenario, self._scenario.machine.cutting_speed_min)
