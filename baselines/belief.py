@@ -30,6 +30,7 @@ from turning_env.numerics.functions import log
 from turning_env.numerics.wear_term import log_wear_term, term_over_criterion
 from turning_env.observation import read
 from turning_env.policy import Actions, Observations, Policy
+from turning_env.scenario.laws import capacity_at
 
 LIMIT = 10.0  # highest absolute value of an entry
 MIN_DEVIATION = 1e-9
@@ -189,9 +190,9 @@ class Belief:
         return self.filter.outlook(distances, entering)
 
     def _log_laws(self, reading: Reading, log_wear: Array) -> tuple[Array, Array]:
-        """Return log force and log power over their limits, with the believed exponents.
+        """Return log force and log power over their limits at this speed.
 
-        ``log_wear``: nominal, over the wear criterion.
+        They have the believed exponents. ``log_wear``: nominal, over the wear criterion.
         """
         parameters = self.filter.parameters
         limits = self.scenario.limits
@@ -200,7 +201,8 @@ class Belief:
         exponents = self.filter.exponents
         log_criterion = log(parameters["wear_criterion"])
         loads = []
-        for law, limit in ((FORCE, limits.thrust_force), (POWER, limits.power)):
+        power_limit = limits.power * capacity_at(self.scenario, reading.cutting_speed)
+        for law, limit in ((FORCE, limits.thrust_force), (POWER, power_limit)):
             log_coefficient = parameters["log_coefficients"][:, law]
             growth = parameters["wear_growths"][:, law]
             term_at_criterion = log_wear_term(growth, log_criterion)

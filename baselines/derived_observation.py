@@ -28,7 +28,6 @@ from turning_env.policy import Actions, Observations
 DISTANCE_SCALE = 3.0
 """Scale of log ratios: most distances are of order one then."""
 MAX_DISTANCE = 10.0  # highest absolute value of a scaled log ratio
-_LOADS = ("power_load", "highest_load")
 _DISTANCES = (
     "speed_over_optimum",
     "feed_over_optimum",
@@ -36,14 +35,13 @@ _DISTANCES = (
     "feed_below_highest",
     "speed_over_base_speed",
 )
-ENTRIES = (*_LOADS, *_DISTANCES)
+ENTRIES = ("highest_load", *_DISTANCES)
 """Names of the entries.
 
-Loads are ``5 * (load / limit - 1)``, from -5 to 15, over the limit that holds at the present speed:
-of power, and the higher of power and thrust force. The others are ``3 * log(ratio)``, limited to
--10..10: of the commanded speed and feed to the nominal optimum on a half-worn edge, of the
-commanded feed to the ends of the chip breaker's window, and of the actual speed to the base speed
-(10 without one).
+The load is ``5 * (load / limit - 1)``, from -5 to 15, of power or thrust force, whichever is
+higher. The others are ``3 * log(ratio)``, limited to -10..10: of the commanded speed and feed to
+the nominal optimum on a half-worn edge, of the commanded feed to the ends of the chip breaker's
+window, and of the actual speed to the base speed (10 without one).
 """
 
 
@@ -62,11 +60,11 @@ class _Derived:
         models = self._models
         points = models.points
         reading = models.read(observations)
-        loads = shares_of(reading, models.scenario)
+        highest_load = shares_of(reading, models.scenario).highest
         log_speed = log(reading.commanded_cutting_speed)
         log_feed = log(reading.commanded_feed)
         # In the order of ``ENTRIES``.
-        shown_loads = [np.minimum(load, MAX_RATIO) for load in (loads.power, loads.highest)]
+        deviation = DEVIATION_SCALE * (np.minimum(highest_load, MAX_RATIO) - 1.0)
         ratios = [
             log_speed - points.log_speed,
             log_feed - points.log_feed,
@@ -74,10 +72,9 @@ class _Derived:
             points.log_highest_feed - log_feed,
             log(reading.cutting_speed) - points.log_base_speed,
         ]
-        deviations = DEVIATION_SCALE * (np.stack(shown_loads, axis=1) - 1.0)
         distances = DISTANCE_SCALE * np.stack(ratios, axis=1)
         limited = np.clip(distances, -MAX_DISTANCE, MAX_DISTANCE)
-        derived = np.concatenate([deviations, limited], axis=1).astype(np.float32)
+        derived = np.concatenate([deviation[:, np.newaxis], limited], axis=1, dtype=np.float32)
         return np.concatenate([observations, derived], axis=1)
 
 
@@ -85,8 +82,8 @@ def with_entries(space: Any) -> Any:
     """Return an observation space with ``ENTRIES`` behind its own."""
     lowest_load = -DEVIATION_SCALE
     highest_load = DEVIATION_SCALE * (MAX_RATIO - 1.0)
-    low = [lowest_load] * len(_LOADS) + [-MAX_DISTANCE] * len(_DISTANCES)
-    high = [highest_load] * len(_LOADS) + [MAX_DISTANCE] * len(_DISTANCES)
+    low = [lowest_load] + [-MAX_DISTANCE] * len(_DISTANCES)
+    high = [highest_load] + [MAX_DISTANCE] * len(_DISTANCES)
     return Box(
         np.concatenate([space.low, np.array(low, np.float32)]),
         np.concatenate([space.high, np.array(high, np.float32)]),

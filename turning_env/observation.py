@@ -78,9 +78,9 @@ def observe(state, work, first, last, p):
     else:
         for i in env_range(first, last):
             compare_with_nominal_model(state, work, i, p, force_and_power)
-    if p.reads_torque:
+    if p.has_base_speed:
         for i in env_range(first, last):
-            observe_torque(state, work, i, p)
+            compare_with_available_power(state, work, i, p)
     if p.senses_current:
         for i in env_range(first, last):
             observe_current(state, work, i, p)
@@ -208,8 +208,8 @@ def compare_with_nominal_model(state, work, i, p, laws):
 
 
 @compiled
-def observe_torque(state, work, i, p):
-    """Observe the power as a share of the limit of torque at the present speed."""
+def compare_with_available_power(state, work, i, p):
+    """Observe the power over its limit at the present speed, below the base speed c P_limit."""
     available = capacity(p, i, state.cutting_speed[i])
     share = state.measured_power[i] * p.per_power_limit[i] / available
     work.observation[OBS.power, i] = deviation(share)
@@ -319,10 +319,9 @@ def read(observation: NDArray[np.float32], scenario: Scenario | ScenarioBatch) -
     cutting_speed, feed = actual
     commanded_cutting_speed, commanded_feed = commanded
 
-    power_share = _ratio(columns["power"]) * limits.power
-    power = power_share
-    if scenario.spindle.reading == "torque":
-        power = power_share * capacity_at(scenario, cutting_speed)
+    power_of_share = _ratio(columns["power"]) * limits.power
+    power = power_of_share * capacity_at(scenario, cutting_speed)
+    reads_torque = scenario.spindle.reading == "torque"
     # With the servo current, this is the current over that at the limit of the force.
     force_share = _ratio(columns["thrust_force"])
     thrust_force = force_share * limits.thrust_force
@@ -342,7 +341,7 @@ def read(observation: NDArray[np.float32], scenario: Scenario | ScenarioBatch) -
     removed_wear = columns.get("removed_wear", unknown)
     return Reading(
         power=power,
-        load=power_share / machine.rated_power,
+        load=(power_of_share if reads_torque else power) / machine.rated_power,
         thrust_force=thrust_force,
         servo_current=servo_current,
         cutting_speed=cutting_speed,

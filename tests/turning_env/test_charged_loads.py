@@ -31,12 +31,6 @@ MEASURED_AT_ONCE = {
 ONE_SUB_STEP = {"sub_steps": 1}
 """The mean excess of a step is then that at its end."""
 
-BELOW_BASE_SPEED = pytest.mark.xfail(
-    strict=True,
-    raises=AssertionError,
-    reason="below the base speed the limit of power is c P_limit, but entry power is over P_limit",
-)
-
 
 class Compared(NamedTuple):
     """Excess of power and of thrust force over their limits, summed up [-], step by step."""
@@ -107,9 +101,7 @@ def compared(name):
 
 def ids_and_families():
     """Return the presets of all ids, one whose load reading is a share of torque, and families."""
-    presets = [pytest.param(preset, id=preset) for preset in (*IDS.values(), "override_torque")]
-    drawn = [pytest.param(family, id=family, marks=BELOW_BASE_SPEED) for family in families()]
-    return presets + drawn
+    return [*IDS.values(), "override_torque", *families()]
 
 
 @pytest.mark.parametrize("name", ids_and_families())

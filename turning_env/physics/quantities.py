@@ -300,7 +300,7 @@ INFO = AT_END + OVER_STEP
 REPORT = INFO + OUTCOME
 
 OBSERVATION = (
-    Entry("power", "measured power: `5 * (power / limit - 1)`", _LOW, _HIGH),
+    Entry("power", "measured power: `5 * (power / limit at this speed - 1)`", _LOW, _HIGH),
     Entry("thrust_force", "measured thrust force: `5 * (force / limit - 1)`", _LOW, _HIGH),
     Entry("cutting_speed", "actual cutting speed, log scale, -1 lowest, 1 highest", -1.0, 1.0),
     Entry("feed", "actual feed, log scale, -1 lowest, 1 highest", -1.0, 1.0),
