@@ -15,7 +15,7 @@ SHIPPED_RESULTS ?= leaderboard/results
 JOBS ?= 2
 WORKERS ?= 2
 ENVS ?= RoughTurning-v0 RoughTurning-Paper-v0 RoughTurning-Override-v1 RoughTurning-Surface-v1 RoughTurning-Shift-v0 RoughTurning-Batch-v0 \
-	RoughTurning-Family-v0
+	RoughTurning-Family-v1
 # Policies of the family's boards that do not machine sensibly.
 DEGENERATE = $$(.venv/bin/python -c "from baselines.trivial import DEGENERATE; print(*DEGENERATE)")
 # A sixth of the steps of agents that ship, for a first look.
@@ -90,7 +90,7 @@ results: .venv/run
 			RoughTurning-v0) seeds="--seeds $(NUM_SEEDS) --splits --split-seeds $(SPLIT_SEEDS)";; \
 			RoughTurning-Batch-v0) seeds="--seeds $(NUM_SEEDS)";; \
 			RoughTurning-Shift-v0) seeds="--seeds $(SPLIT_SEEDS)";; \
-			RoughTurning-Family-v0) \
+			RoughTurning-Family-v1) \
 				play=".venv/bin/python -m leaderboard run --env $$env --results $(SHIPPED_RESULTS) --jobs $(JOBS) --seeds $(NUM_SEEDS)"; \
 				$$play --splits --policies $(DEGENERATE) random fixed_nominal_optimum fixed_nominal_share predictive self_tuning causal; \
 				$$play --splits --policies self_tuning --knows true_wear; \

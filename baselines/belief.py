@@ -1,7 +1,7 @@
 """The belief of the optimisers' filter as an observation, for agents without memory.
 
-    env = BeliefObservation(gymnasium.make("RoughTurning-Family-v0"))
-    envs = VectorBeliefObservation(gymnasium.make_vec("RoughTurning-Family-v0", 512))
+    env = BeliefObservation(gymnasium.make("RoughTurning-Family-v1"))
+    envs = VectorBeliefObservation(gymnasium.make_vec("RoughTurning-Family-v1", 512))
     venv = RoughTurningVecEnv("shop", 512, wrapper=VectorBeliefObservation)  # Stable-Baselines3
 
 The filter (``models/load_filter.py``) knows the nominal model and sees the observations alone, so a

@@ -1,7 +1,7 @@
 """Inputs that follow from the observation and the nominal model, appended to observations.
 
-    env = DerivedObservation(gymnasium.make("RoughTurning-Family-v0"))
-    envs = VectorDerivedObservation(gymnasium.make_vec("RoughTurning-Family-v0", 512))
+    env = DerivedObservation(gymnasium.make("RoughTurning-Family-v1"))
+    envs = VectorDerivedObservation(gymnasium.make_vec("RoughTurning-Family-v1", 512))
 
 A network must otherwise learn differences and quotients of the context's numbers. ``ENTRIES`` are
 functions of the observation and, on a family, of the context; if that is hidden, they are further

@@ -1,7 +1,7 @@
 """A load target as the action, held by a proportional feed loop.
 
-    env = LoadTargetAction(gymnasium.make("RoughTurning-Family-v0"))
-    envs = VectorLoadTargetAction(gymnasium.make_vec("RoughTurning-Family-v0", 512))
+    env = LoadTargetAction(gymnasium.make("RoughTurning-Family-v1"))
+    envs = VectorLoadTargetAction(gymnasium.make_vec("RoughTurning-Family-v1", 512))
     venv = RoughTurningVecEnv("shop", 512, wrapper=VectorLoadTargetAction)  # Stable-Baselines3
 
 A policy chooses how hard to cut, and the loop of ``models/feed_loop.py`` finds the feed for it in

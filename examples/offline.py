@@ -2,7 +2,7 @@
 
     python -m examples.offline make --out runs/datasets
     python -m examples.offline make --behaviours mixture --episodes 20 --out runs/small
-    python -m examples.offline make --env RoughTurning-Family-v0 --behaviours self_tuning
+    python -m examples.offline make --env RoughTurning-Family-v1 --behaviours self_tuning
 
 Behaviours: `grid_search`, the published controller; `analytic_gradient`, the best policy that
 ships; `mixture`, both by turns, with noise; `load_rule`, a simple rule with noise that needs the

@@ -1,7 +1,7 @@
 """RLlib: PPO on the vector environment of any id.
 
 python -m examples.rllib_ppo --total-timesteps 100000
-python -m examples.rllib_ppo --env RoughTurning-Family-v0 --gamma 0.997 --reward-scale 0.05
+python -m examples.rllib_ppo --env RoughTurning-Family-v1 --gamma 0.997 --reward-scale 0.05
 """
 
 import math

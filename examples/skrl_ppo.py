@@ -1,7 +1,7 @@
 """skrl: PPO on the vector environment.
 
     python -m examples.skrl_ppo --total-timesteps 200000
-    python -m examples.skrl_ppo --env RoughTurning-Family-v0 --gamma 0.997 --reward-scale 0.05
+    python -m examples.skrl_ppo --env RoughTurning-Family-v1 --gamma 0.997 --reward-scale 0.05
 
 skrl expects the next episode's first observation at the end of an episode, so the autoreset mode
 must be SAME_STEP.

@@ -2,7 +2,7 @@
 
     python -m examples.stable_baselines --algorithm ppo --total-timesteps 500000
     python -m examples.stable_baselines --algorithm sac --vec-env gymnasium --num-envs 8
-    python -m examples.stable_baselines --env RoughTurning-Family-v0 --gamma 0.997
+    python -m examples.stable_baselines --env RoughTurning-Family-v1 --gamma 0.997
 
 With ``--vec-env gymnasium``, Stable-Baselines3 makes single environments (``make_vec_env``) and
 steps them one after the other. With ``batch``, the adapter in ``turning_env.adapters`` steps all

@@ -36,7 +36,7 @@ from leaderboard.statistics import (
 )
 from leaderboard.table import MARKS
 from turning_env import FAMILY_ID, IDS
-from turning_env.scenario.family import DRAFTS, families
+from turning_env.scenario.family import families
 
 SIMPLE_SEARCHES = ("linear_cma_es",)
 """Agents without a network, found by a search over a handful of numbers."""
@@ -189,8 +189,7 @@ def read(results: Path) -> list[TaskScores]:
     """
     folders = [result_folder(results, env_id, preset) for env_id, preset in IDS.items()]
     for family in families():
-        if family not in DRAFTS:
-            folders.append(result_folder(results, FAMILY_ID, f"{family}-{SPLIT}"))
+        folders.append(result_folder(results, FAMILY_ID, f"{family}-{SPLIT}"))
     tasks = []
     for folder in folders:
         if not result_files(folder):

@@ -19,15 +19,13 @@ from turning_env.extras import needed
 from turning_env.policy import Policy
 from turning_env.rendering.viewer import Window
 from turning_env.scenario.arguments import environment_id
-from turning_env.scenario.family import DRAFTS, families
+from turning_env.scenario.family import families
 
 PLAYABLE = [env_id for env_id in IDS if env_id != "RoughTurning-Batch-v0"]
 """Ids that are played by hand.
 
 A step of RoughTurning-Batch-v0 is a plan of ten numbers for a whole part, which no keys steer.
 """
-FAMILIES = [name for name in families() if name not in DRAFTS]
-"""Families of which a training job is played by hand."""
 FAMILY_RULE = "self_tuning"  # opponent on families: it learns the lathe while it cuts
 FIRST_SEED = 1_000_000  # of games without --seed; no leaderboard plays it
 _CHANGE = 0.3  # share of the largest change of speed or feed in a step with a key held
@@ -290,7 +288,7 @@ def _playable(word: str) -> str:
     """
     env_id = environment_id(word)
     if env_id == FAMILY_ID:
-        raise argparse.ArgumentTypeError(f"{env_id} has families: give --family {FAMILIES[0]}")
+        raise argparse.ArgumentTypeError(f"{env_id} has families: give --family {families()[0]}")
     if env_id not in PLAYABLE:
         raise argparse.ArgumentTypeError(f"{env_id} cannot be played: its step plans a whole part")
     return env_id
@@ -308,7 +306,7 @@ def _add_options(parser: argparse.ArgumentParser) -> None:
     )
     task.add_argument(
         "--family",
-        choices=FAMILIES,
+        choices=families(),
         help=f"play a training job of this family instead, against the rule {FAMILY_RULE}",
     )
     parser.add_argument(

@@ -30,7 +30,7 @@ from leaderboard.result import (
 from leaderboard.scoring import FOLDER, SHIPPED_FIELDS, SPLIT
 from turning_env import FAMILY_ID, IDS
 from turning_env.files import write_file
-from turning_env.scenario.family import DRAFTS, families
+from turning_env.scenario.family import families
 
 DIGITS = 2  # decimals of the times [s] in the wheel
 
@@ -87,8 +87,7 @@ def boards() -> list[Board]:
     """Return all leaderboards whose results ship in the wheel."""
     shipped = [Board(f"{env_id}{SUFFIX}", env_id, family=None) for env_id in IDS]
     for family in families():
-        if family not in DRAFTS:
-            shipped.append(Board(f"{FAMILY_ID}-{family}{SUFFIX}", FAMILY_ID, family=family))
+        shipped.append(Board(f"{FAMILY_ID}-{family}{SUFFIX}", FAMILY_ID, family=family))
     return shipped
 
 

@@ -150,13 +150,13 @@ def run_policies(options: argparse.Namespace) -> None:
     reasons and ends with status 2.
 
     An empty folder starts with the results that come with the project, if they are of the same
-    scenario and seeds. On RoughTurning-Family-v0, each seed is a job; controllers are built from
+    scenario and seeds. On RoughTurning-Family-v1, each seed is a job; controllers are built from
     each job's nominal model.
 
     python -m leaderboard run --seeds 16 --policies fixed_tuned predictive --jobs 2
     python -m leaderboard run --policy my_module:MyPolicy
     python -m leaderboard run --agents my-agents/ppo.onnx --private-key KEY --results private
-    python -m leaderboard run --env RoughTurning-Family-v0 --policies self_tuning --knows true_laws
+    python -m leaderboard run --env RoughTurning-Family-v1 --policies self_tuning --knows true_laws
     """
     if options.seeds is None:
         options.seeds = held_out_seeds(_default_seeds(options))

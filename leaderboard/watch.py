@@ -1,7 +1,7 @@
 """Film a policy, or two with the same seed side by side, or show one in a window.
 
 python -m leaderboard.watch --policy rescaled_grid_search --beside grid_search --out cut.mp4
-python -m leaderboard.watch --env RoughTurning-Family-v0 --policy self_tuning --out job.gif
+python -m leaderboard.watch --env RoughTurning-Family-v1 --policy self_tuning --out job.gif
 """
 
 import argparse

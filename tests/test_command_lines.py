@@ -37,7 +37,7 @@ MISTAKES = {
     "train.export nothing --out made": "nothing",
     "leaderboard run --scenario nothing": "nothing",
     "leaderboard run --policies --agents nothing.onnx --results made": "nothing.onnx",
-    "leaderboard run --env RoughTurning-Family-v0 --split nothing": "nothing",
+    "leaderboard run --env RoughTurning-Family-v1 --split nothing": "nothing",
     "leaderboard show --results nothing": "nothing",
     "leaderboard page --results nothing": "nothing",
     "leaderboard verify --results nothing --memory made.json": "nothing",
@@ -49,8 +49,8 @@ MISTAKES = {
     "leaderboard run --policies predictiv --results made": "did you mean predictive?",
     "leaderboard verify --env RoughTurning-v1": "did you mean RoughTurning-v0",
     # A family in place of an id or a scenario.
-    "train.ppo --env shop": "RoughTurning-Family-v0",
-    "train.ppo --scenario shop": "--env RoughTurning-Family-v0",
+    "train.ppo --env shop": "RoughTurning-Family-v1",
+    "train.ppo --scenario shop": "--env RoughTurning-Family-v1",
     # A number out of its range, or none.
     "leaderboard play --seed -1": "-1",
     "leaderboard score math:cos --seeds 0": "0",
@@ -62,7 +62,7 @@ MISTAKES = {
     "train.ppo --set gamma=nan": "gamma is nan",
     "train.ppo --set learning_rate": "a float of 0 or more",
     "leaderboard run --seeds 0": "0",
-    "leaderboard run --env RoughTurning-Family-v0 --seeds 257": "257",
+    "leaderboard run --env RoughTurning-Family-v1 --seeds 257": "257",
     "leaderboard verify --jobs x": "x",
     "leaderboard run --private-key short --results made": "at least 16",
     # Options that do not go together, or that the policy cannot do.

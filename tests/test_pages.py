@@ -35,7 +35,7 @@ ELSEWHERE = (
     "python -m leaderboard figure --aggregate",
     # Readers have these files, and the page shows them made in other ways.
     "python -m train.export mine-seed3.zip",
-    "python -m leaderboard run --env RoughTurning-Family-v0 --agents submissions",
+    "python -m leaderboard run --env RoughTurning-Family-v1 --agents submissions",
     "docker ",
     # A window, and minutes of compiling: tests/leaderboard/test_game.py and
     # tests/turning_env/test_main.py have both.
@@ -79,7 +79,7 @@ SMALLER = {
     "python -m leaderboard run": Smaller("--seeds 2"),
     "python -m leaderboard score": Smaller("--seeds 2"),
     # The page is of the agent: a rule that acts at once can play beside it.
-    "python -m leaderboard run --env RoughTurning-Family-v0 --split": Smaller(
+    "python -m leaderboard run --env RoughTurning-Family-v1 --split": Smaller(
         "--seeds 1", {"self_tuning": "fixed_nominal_optimum"}
     ),
     "python -m leaderboard.watch": Smaller("--steps 6"),

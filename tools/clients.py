@@ -40,7 +40,7 @@ class Client(NamedTuple):
     uses: str
     packages: tuple[str, ...]
     words: str = (
-        "--env RoughTurning-Family-v0 --steps 5000 --tuning-seeds 2"  # options that make it small
+        "--env RoughTurning-Family-v1 --steps 5000 --tuning-seeds 2"  # options that make it small
     )
 
 

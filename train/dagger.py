@@ -1,6 +1,6 @@
 """Train a network to act as ``self_tuning`` does, by DAgger, for one training seed.
 
-    python -m train.dagger --env RoughTurning-Family-v0 --scenario shop --seed 0
+    python -m train.dagger --env RoughTurning-Family-v1 --scenario shop --seed 0
 
 The student sees the observation with the belief of a filter (``baselines/belief.py``). The teacher
 is the best rule (``baselines/self_tuning.py``) on the same filter, so it follows all that the

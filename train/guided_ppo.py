@@ -1,6 +1,6 @@
 """Train a guide of ``self_tuning`` with PPO for one training seed.
 
-    python -m train.guided_ppo --env RoughTurning-Family-v0 --scenario unmodelled --seed 0
+    python -m train.guided_ppo --env RoughTurning-Family-v1 --scenario unmodelled --seed 0
 
 A guide sets the highest speed of the rule and the used life at which it changes edges
 (``baselines/guided.py``). It sees more than the rule: the catalogue's numbers that the family

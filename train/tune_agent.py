@@ -1,7 +1,7 @@
 """Tune an algorithm's hyperparameters, and print the best as a table of TOML.
 
     python -m train.tune agent --algorithm sac --trials 20 --total-timesteps 500000
-    python -m train.tune agent --algorithm ppo --env RoughTurning-Family-v0 --trials 20
+    python -m train.tune agent --algorithm ppo --env RoughTurning-Family-v1 --trials 20
 
 A trial trains one agent per training seed, and plays all of them on the same tuning seeds; on a
 family, on all jobs of its split ``validation``. The best mean return wins among the feasible trials

@@ -94,7 +94,7 @@ _TASKS = {
 
 IDS = {env_id: task.preset for env_id, task in _TASKS.items()}
 """Registered ids and the preset that each takes when no scenario is given."""
-FAMILY_ID = "RoughTurning-Family-v0"
+FAMILY_ID = "RoughTurning-Family-v1"
 """The registered id of families."""
 ALL_IDS = (*IDS, FAMILY_ID)
 """All registered ids: those of single scenarios, and that of families."""

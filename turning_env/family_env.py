@@ -1,4 +1,4 @@
-"""Specification of ``RoughTurning-Family-v0``: every episode is another job."""
+"""Specification of ``RoughTurning-Family-v1``: every episode is another job."""
 
 import os
 from collections.abc import Mapping
@@ -48,7 +48,7 @@ def vector_env(
 
 
 class FamilyEnv(FamilyBase, RoughTurningEnv):
-    """``RoughTurning-Family-v0``: rough turning on many lathes, whose nominal models are wrong.
+    """``RoughTurning-Family-v1``: rough turning on many lathes, whose nominal models are wrong.
 
     ## Description
 

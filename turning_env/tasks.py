@@ -7,7 +7,7 @@
     RoughTurning-Surface-v1   SurfaceEnv       feed         15 s: hold a roughness
     RoughTurning-Shift-v0     ShiftEnv         + new edge   two hours, many edges
     RoughTurning-Batch-v0     BatchEnv         ten numbers  twenty blanks; a step is a part
-    RoughTurning-Family-v0    FamilyEnv        + new edge   another lathe, about five edges
+    RoughTurning-Family-v1    FamilyEnv        + new edge   another lathe, about five edges
 
 Print a specification with ``print(turning_env.tasks.ShiftEnv.__doc__)``, or with
 ``print(turning_env.RoughTurningEnv.__doc__)`` and ``print(turning_env.FamilyEnv.__doc__)``.

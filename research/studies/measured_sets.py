@@ -1,4 +1,4 @@
-"""Compute the numbers of the presets ``h13_romi`` and ``vicomtech``, and of the family ``shop2``.
+"""Compute the numbers of the presets ``h13_romi`` and ``vicomtech``, and of the family ``shop``.
 
     python -m research.studies.measured_sets h13 Exp1.csv Exp2.csv Prep.csv
     python -m research.studies.measured_sets vicomtech Dataset_Machine_tool_wear.csv

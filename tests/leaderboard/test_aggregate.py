@@ -23,7 +23,6 @@ from leaderboard.result import ResultError, Task, result_folder, write_manifest,
 from tests.leaderboard.conftest import MakeResult, spec
 from tests.leaderboard.test_standings import leaderboard_of
 from turning_env import IDS, Scenario
-from turning_env.scenario.family import DRAFTS
 
 MakeTask = Callable[..., TaskScores]
 ORACLE = spec("causal", kind="oracle")
@@ -327,7 +326,7 @@ def test_drafts_of_families_are_on_no_table(make_result: MakeResult, tmp_path: P
             write_result(result, folder)
 
     write("RoughTurning-v0", "rough_turning")
-    write("RoughTurning-Family-v0", f"{DRAFTS[0]}-unseen_jobs")
+    write("RoughTurning-Family-v1", "my_family-unseen_jobs")
     assert [task.label for task in aggregate.read(tmp_path)] == ["RoughTurning-v0"]
     with pytest.raises(ResultError, match="holds no task"):
         aggregate.read(tmp_path / "nowhere")

@@ -85,7 +85,7 @@ def test_the_opponent_is_a_feasible_rule_that_beats_fixed_values() -> None:
 
 @pytest.mark.parametrize(
     ("env_id", "advice"),
-    [("RoughTurning-Family-v0", "--family shop"), ("RoughTurning-Batch-v0", "whole part")],
+    [("RoughTurning-Family-v1", "--family shop"), ("RoughTurning-Batch-v0", "whole part")],
 )
 def test_an_id_that_no_hand_plays_is_refused_with_the_reason(
     env_id: str, advice: str, capsys: pytest.CaptureFixture[str]

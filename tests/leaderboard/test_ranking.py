@@ -88,8 +88,8 @@ def results(tmp_path: Path, make_result: MakeResult, task: Task) -> Path:
         ("RoughTurning-Shift-v0", "shift"),
         (ENV_ID, "worn_lot"),
         (ENV_ID, "rough_turning"),
-        ("RoughTurning-Family-v0", "shop-train"),
-        ("RoughTurning-Family-v0", "shop-unseen"),
+        ("RoughTurning-Family-v1", "shop-train"),
+        ("RoughTurning-Family-v1", "shop-unseen"),
         ("Unknown-v9", "odd"),
     ]
     for env_id, scenario_name in places:

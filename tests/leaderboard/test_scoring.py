@@ -37,7 +37,7 @@ from leaderboard.statistics import Estimate
 from leaderboard.validation import task_of, versions
 from turning_env import FAMILY_ID, Scenario
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
-from turning_env.scenario.family import DRAFTS, families
+from turning_env.scenario.family import families
 
 ROOT = Path(__file__).parents[2]
 OVERRIDE = "RoughTurning-Override-v1"
@@ -190,7 +190,7 @@ def test_a_file_that_ships_reaches_the_return_that_ships() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("family", sorted({*families()} - {*DRAFTS}))
+@pytest.mark.parametrize("family", families())
 def test_a_family_is_scored_on_unseen_jobs(family: str) -> None:
     """Observations hold the nominal model's numbers; `idle` gets the return that ships."""
     # It does the same on all tasks whose actions are those of a family, such as `shift`.
@@ -269,7 +269,7 @@ def test_validation_scores_between_the_ends_and_compares_with_the_best_rule() ->
 
 def test_more_validation_seeds_than_have_been_played_are_compared_with_nothing() -> None:
     assert shipped_validation(OVERRIDE, VALIDATION_SEEDS + 1) == ()
-    assert shipped_validation("RoughTurning-Family-v0-mine", 8) == ()
+    assert shipped_validation("RoughTurning-Family-v1-mine", 8) == ()
 
 
 @pytest.mark.parametrize("board", boards(), ids=lambda board: board.file_name)
@@ -379,7 +379,7 @@ def test_an_unknown_id_is_refused() -> None:
         pytest.param("CartPole-v1", None, "no id that can be scored", id="a foreign id"),
         pytest.param("RoughTurning-Shft-v0", None, "mean RoughTurning-Shift-v0", id="an error"),
         pytest.param("unmodelled", None, "family='unmodelled'", id="a family as the id"),
-        pytest.param("RoughTurning-v0", "shop", "RoughTurning-Family-v0", id="a family unused"),
+        pytest.param("RoughTurning-v0", "shop", "RoughTurning-Family-v1", id="a family unused"),
         pytest.param(None, None, "None is no id", id="no id"),
     ],
 )

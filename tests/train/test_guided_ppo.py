@@ -66,7 +66,7 @@ def test_an_interrupted_training_gives_the_same_guide_whose_file_plays_jobs(tmp_
 
 
 def test_a_guide_plays_a_lathe_of_ones_own() -> None:
-    agent = onnx_policy.load(Path("agents/RoughTurning-Family-v0/unmodelled/guided_ppo-seed0.onnx"))
+    agent = onnx_policy.load(Path("agents/RoughTurning-Family-v1/unmodelled/guided_ppo-seed0.onnx"))
     values = {"adhesion": 0.5}
     env = RoughTurningVectorEnv(2)
     observations, _ = env.reset(seed=[0, 1])

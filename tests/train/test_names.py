@@ -56,7 +56,7 @@ def test_an_id_has_the_defaults_but_for_its_own_values() -> None:
 
 def test_an_algorithm_without_a_hyperparameter_file_has_its_defaults() -> None:
     defaults = dagger.ALGORITHM.defaults
-    assert hyperparameters("dagger", "RoughTurning-Family-v0") == defaults
+    assert hyperparameters("dagger", "RoughTurning-Family-v1") == defaults
 
 
 def test_hyperparameters_of_single_ids_can_be_set() -> None:

@@ -1,4 +1,4 @@
-"""``RoughTurning-Family-v0``: single, batch and a job's own scenario give the same bits."""
+"""``RoughTurning-Family-v1``: single, batch and a job's own scenario give the same bits."""
 
 from typing import NamedTuple
 

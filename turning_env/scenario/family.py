@@ -72,9 +72,6 @@ MAX_LOG_SPREAD = 100.0
 """Largest standard deviation of a logarithm, so that ``exp`` is exact seven of them away."""
 CONTEXT_LIMIT = 10.0  # highest absolute value of a number of the context
 
-DRAFTS = ("shop2",)
-"""Families whose jobs may still change: no policy has results on them."""
-
 _FAMILIES = shipped("families")
 _SCHEMA = "python -m turning_env show --schema"
 _RANGES = declared_ranges(Scenario)
@@ -427,13 +424,8 @@ class Family(Section):
         return self.model_dump(mode="json", exclude_none=True)
 
     def digest(self) -> str:
-        """Return the SHA-256 of all values; a field that was added later counts if it is used."""
-        values = self.model_dump(mode="json")
-        # Families without these later fields keep the digest that they had before.
-        for name in ("hidden", "shown"):
-            if not values[name]:
-                del values[name]
-        return digest_of(values)
+        """Return the SHA-256 of all values."""
+        return digest_of(self.model_dump(mode="json"))
 
     def number(self, seed: int, episode: int, split: str) -> int:
         """Return the number of the job that an episode of a seed plays."""

@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from turning_env.numerics.conversions import cutting_speed_at
 from turning_env.numerics.functions import hypotenuse, real_power
 
 MIN_POWER = 1e-6
@@ -154,9 +155,7 @@ def load_spread(law: Any, workpiece: Any) -> Any:
 
 def chatter_cutting_speed(scenario: Any) -> Any:
     """Return the cutting speed at the spindle speed at which bars chatter most [m/min]."""
-    # Not ``cutting_speed_at``: it divides by 1000 before it multiplies by the spindle speed, which
-    # would change the last bits of trajectories.
-    return np.pi * scenario.workpiece.diameter * scenario.machine.chatter_speed / 1000.0
+    return cutting_speed_at(scenario.machine.chatter_speed, scenario.workpiece.diameter)
 
 
 def life_rate(

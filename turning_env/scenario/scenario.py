@@ -264,7 +264,7 @@ class Scenario(sections.Sections, DerivedQuantities):
         if source in _FAMILIES:
             raise ScenarioError(
                 f"{source} is a family of lathes, not a scenario: "
-                f'gymnasium.make("RoughTurning-Family-v0", family="{source}")'
+                f'gymnasium.make("RoughTurning-Family-v1", family="{source}")'
             )
         file = Path(source)
         table = table_of(source, _PRESETS, kind="preset", lists_all=_ALL_PRESETS)

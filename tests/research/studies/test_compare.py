@@ -42,7 +42,7 @@ policy = "fixed_tuned"
 
 TRUE_LAWS = """
 question = "What are the true laws worth?"
-task = "RoughTurning-Family-v0"
+task = "RoughTurning-Family-v1"
 seeds = "training_jobs"
 episodes = 1
 

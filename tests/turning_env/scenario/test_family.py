@@ -13,7 +13,6 @@ from turning_env.scenario.scenario import flat
 from turning_env.scenario.sections import EdgeFailure, Mismatch
 
 SHOP = Family.load("shop")
-SHOP2 = Family.load("shop2")
 UNMODELLED = Family.load("unmodelled")
 JOBS = {
     ("shop", "train"): "67b14524b7e305a5",
@@ -137,7 +136,7 @@ def test_jobs_are_as_released_on_every_processor(name, split):
 
 
 def test_a_family_is_the_same_from_a_dict_and_a_file(tmp_path):
-    assert families() == ("shop", "shop2", "unmodelled")
+    assert families() == ("shop", "unmodelled")
     assert Family.load(SHOP.model_dump(mode="json", exclude_none=True)) == SHOP
     path = tmp_path / "mine.toml"
     path.write_text('[variables]\n[fields]\n"limits.power" = 6.5\n')
@@ -199,7 +198,7 @@ def test_hidden_forms_are_true_and_the_nominal_model_knows_none_of_them():
 
 
 def test_forms_of_the_laws_differ_between_truth_and_nominal_model_in_a_known_share_of_jobs():
-    jobs = SHOP2.draw("train", 0)
+    jobs = SHOP.draw("train", 0)
     assert makes_sense(jobs.true, jobs.plan).all()
     for name in ("thrust_force", "power"):
         true = getattr(jobs.true.material, name)
@@ -218,7 +217,7 @@ def test_forms_of_the_laws_differ_between_truth_and_nominal_model_in_a_known_sha
 def test_both_forms_of_a_law_need_the_same_load_at_a_half_worn_edge():
     share_of_a_fresh_edge = []
     for seed in range(16):
-        job = SHOP2.job(seed)
+        job = SHOP.job(seed)
         material = job.scenario.nominal().material
         place = {"cutting_speed": job.cutting_speed, "feed": 0.25, "depth_of_cut": 2.0}
         worn = material.power(**place, wear=0.15)
@@ -231,10 +230,10 @@ def test_both_forms_of_a_law_need_the_same_load_at_a_half_worn_edge():
 
 
 def test_start_speeds_depend_on_the_grade():
-    materials = SHOP2.tables["material"]
+    materials = SHOP.tables["material"]
     usual_speeds = {row[2] for row in materials.rows.values()}
-    grades = [row[0] for row in SHOP2.tables["grade"].rows.values()]
-    jobs = SHOP2.draw("train", 0)
+    grades = [row[0] for row in SHOP.tables["grade"].rows.values()]
+    jobs = SHOP.draw("train", 0)
     # The machine's highest speed is 1.6 times the start speed.
     start_speeds = jobs.nominal_fields["machine.cutting_speed_max"] / 1.6
     for start_speed in start_speeds:
@@ -267,11 +266,11 @@ def test_about_half_of_the_lathes_have_each_form_and_no_nominal_model_has_any():
 
 
 def test_a_family_extends_another_and_shows_values_of_a_catalogue(tmp_path):
-    assert UNMODELLED.base == SHOP2.base
+    assert UNMODELLED.base == SHOP.base
     law = "material.power.coefficient"
-    assert UNMODELLED.fields[law] == SHOP2.fields[law]
-    assert UNMODELLED.tables["machine"].held_out == SHOP2.tables["machine"].held_out
-    assert UNMODELLED.context_names == (*SHOP2.context_names, *UNMODELLED.shown)
+    assert UNMODELLED.fields[law] == SHOP.fields[law]
+    assert UNMODELLED.tables["machine"].held_out == SHOP.tables["machine"].held_out
+    assert UNMODELLED.context_names == (*SHOP.context_names, *UNMODELLED.shown)
     adhesions = UNMODELLED.draw("train", 0).features["adhesion"]
     material = UNMODELLED.tables["material"]
     column = material.columns.index("adhesion")

@@ -271,7 +271,7 @@ def test_unknown_presets_are_refused(make):
 
 
 def test_a_family_is_no_scenario():
-    with pytest.raises(ScenarioError, match='Family-v0", family="shop"'):
+    with pytest.raises(ScenarioError, match='Family-v1", family="shop"'):
         Scenario.load("shop")
 
 
