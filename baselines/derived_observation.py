@@ -8,6 +8,7 @@ functions of the observation and, on a family, of the context; if that is hidden
 information.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import gymnasium
@@ -20,10 +21,12 @@ from numpy.typing import NDArray
 
 from baselines.belief import at_end, with_final
 from baselines.models.feed_loop import shares_of
-from baselines.models.nominal_points import PointsOfEnvs
+from baselines.models.nominal_points import PointsOfEnvs, PointsOfModels
+from baselines.rule import Mask
+from turning_env import Scenario
 from turning_env.numerics.functions import log
 from turning_env.physics.quantities import DEVIATION_SCALE, MAX_RATIO
-from turning_env.policy import Actions, Observations
+from turning_env.policy import Actions, Observations, Policy
 
 DISTANCE_SCALE = 3.0
 """Scale of log ratios: most distances are of order one then."""
@@ -45,37 +48,26 @@ window, and of the actual speed to the base speed (10 without one).
 """
 
 
-class _Derived:
-    """The derived inputs of the environments of a wrapper."""
-
-    def __init__(self, env: Any, num_envs: int) -> None:
-        self._models = PointsOfEnvs(env, num_envs, "a derived observation")
-
-    def follow(self, infos: dict[str, Any]) -> None:
-        """Take the jobs that environments play after a reset or a step."""
-        self._models.follow(infos)
-
-    def append(self, observations: Observations) -> Observations:
-        """Return observations, shape (num_envs, entries), and ``ENTRIES`` behind them."""
-        models = self._models
-        points = models.points
-        reading = models.read(observations)
-        highest_load = shares_of(reading, models.scenario).highest
-        log_speed = log(reading.commanded_cutting_speed)
-        log_feed = log(reading.commanded_feed)
-        # In the order of ``ENTRIES``.
-        deviation = DEVIATION_SCALE * (np.minimum(highest_load, MAX_RATIO) - 1.0)
-        ratios = [
-            log_speed - points.log_speed,
-            log_feed - points.log_feed,
-            log_feed - points.log_lowest_feed,
-            points.log_highest_feed - log_feed,
-            log(reading.cutting_speed) - points.log_base_speed,
-        ]
-        distances = DISTANCE_SCALE * np.stack(ratios, axis=1)
-        limited = np.clip(distances, -MAX_DISTANCE, MAX_DISTANCE)
-        derived = np.concatenate([deviation[:, np.newaxis], limited], axis=1, dtype=np.float32)
-        return np.concatenate([observations, derived], axis=1)
+def with_derived(models: PointsOfModels, observations: Observations) -> Observations:
+    """Return observations, shape (num_envs, entries), and ``ENTRIES`` behind them."""
+    points = models.points
+    reading = models.read(observations)
+    highest_load = shares_of(reading, models.scenario).highest
+    log_speed = log(reading.commanded_cutting_speed)
+    log_feed = log(reading.commanded_feed)
+    # In the order of ``ENTRIES``.
+    deviation = DEVIATION_SCALE * (np.minimum(highest_load, MAX_RATIO) - 1.0)
+    ratios = [
+        log_speed - points.log_speed,
+        log_feed - points.log_feed,
+        log_feed - points.log_lowest_feed,
+        points.log_highest_feed - log_feed,
+        log(reading.cutting_speed) - points.log_base_speed,
+    ]
+    distances = DISTANCE_SCALE * np.stack(ratios, axis=1)
+    limited = np.clip(distances, -MAX_DISTANCE, MAX_DISTANCE)
+    derived = np.concatenate([deviation[:, np.newaxis], limited], axis=1).astype(np.float32)
+    return np.concatenate([observations, derived], axis=1)
 
 
 def with_entries(space: Any) -> Any:
@@ -91,6 +83,25 @@ def with_entries(space: Any) -> Any:
     )
 
 
+class DerivedPolicy(Policy):
+    """A policy that is shown ``ENTRIES`` behind the observations.
+
+    Args:
+        policy: the policy.
+        models: nominal model of each environment.
+    """
+
+    def __init__(self, policy: Policy, models: Sequence[Scenario]) -> None:
+        self._policy = policy
+        self._models = PointsOfModels(models)
+
+    def reset(self, mask: Mask) -> None:
+        self._policy.reset(mask)
+
+    def act(self, observations: Observations) -> Actions:
+        return self._policy.act(with_derived(self._models, observations))
+
+
 class DerivedObservation(
     gymnasium.Wrapper[Observations, Actions, Observations, Actions], RecordConstructorArgs
 ):
@@ -103,17 +114,17 @@ class DerivedObservation(
     def __init__(self, env: gymnasium.Env[Observations, Actions]) -> None:
         RecordConstructorArgs.__init__(self)
         gymnasium.Wrapper.__init__(self, env)
-        self._derived = _Derived(env, 1)
+        self._models = PointsOfEnvs(env, 1, "a derived observation")
         self.observation_space = with_entries(env.observation_space)
 
     def reset(self, **options: Any) -> tuple[Observations, dict[str, Any]]:
         observation, info = self.env.reset(**options)
-        self._derived.follow(info)
-        return self._derived.append(observation[np.newaxis])[0], info
+        self._models.follow(info)
+        return with_derived(self._models, observation[np.newaxis])[0], info
 
     def step(self, action: Actions) -> tuple[Observations, Any, bool, bool, dict[str, Any]]:
         observation, reward, terminated, truncated, info = self.env.step(action)
-        appended = self._derived.append(observation[np.newaxis])[0]
+        appended = with_derived(self._models, observation[np.newaxis])[0]
         return appended, reward, terminated, truncated, info
 
 
@@ -123,7 +134,7 @@ class VectorDerivedObservation(VectorWrapper):
 
     def __init__(self, env: VectorEnv[Observations, Actions, NDArray[Any]]) -> None:
         super().__init__(env)
-        self._derived = _Derived(env, env.num_envs)
+        self._models = PointsOfEnvs(env, env.num_envs, "a derived observation")
         self.single_observation_space = with_entries(env.single_observation_space)
         self.observation_space = batch_space(self.single_observation_space, env.num_envs)
 
@@ -131,15 +142,15 @@ class VectorDerivedObservation(VectorWrapper):
         self, *, seed: Any = None, options: dict[str, Any] | None = None
     ) -> tuple[Observations, dict[str, Any]]:
         observations, infos = self.env.reset(seed=seed, options=options)
-        self._derived.follow(infos)
-        return self._derived.append(observations), infos
+        self._models.follow(infos)
+        return with_derived(self._models, observations), infos
 
     def step(self, actions: Actions) -> tuple[Observations, Any, Any, Any, dict[str, Any]]:
         observations, rewards, terminated, truncated, infos = self.env.step(actions)
         if "final_obs" in infos:
             # The last observations of episodes are of the jobs before, the others of the next ones.
             ended = terminated | truncated
-            last = self._derived.append(at_end(observations, infos, ended))
+            last = with_derived(self._models, at_end(observations, infos, ended))
             infos = with_final(infos, ended, last)
-        self._derived.follow(infos)
-        return self._derived.append(observations), rewards, terminated, truncated, infos
+        self._models.follow(infos)
+        return with_derived(self._models, observations), rewards, terminated, truncated, infos

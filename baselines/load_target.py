@@ -24,6 +24,7 @@ the base speed of the nominal model. A family's context holds all of them; if it
 further information.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import gymnasium
@@ -41,11 +42,12 @@ from baselines.models.feed_loop import (
     shares_of,
     within_window,
 )
-from baselines.models.nominal_points import PointsOfEnvs
+from baselines.models.nominal_points import PointsOfEnvs, PointsOfModels
+from baselines.rule import Mask
 from turning_env import Scenario
 from turning_env.action import sets_speed_and_feed, towards
 from turning_env.numerics.functions import exp
-from turning_env.policy import Actions, Observations
+from turning_env.policy import Actions, Observations, Policy
 
 # Middle and half width of what an action of -1 to 1 means. They contain the best constants on
 # training jobs of the family ``shop``.
@@ -73,54 +75,79 @@ def action_names(scenario: Scenario) -> tuple[str, ...]:
     return names
 
 
+def space_of(scenario: Scenario) -> Any:
+    """Return a new space of one environment's load targets; ValueError as ``action_names``."""
+    return Box(-1.0, 1.0, shape=(len(action_names(scenario)),), dtype=np.float32)
+
+
+def own_actions(models: PointsOfModels, load_targets: Any, observations: Observations) -> Actions:
+    """Return the environments' own actions for load targets; shape (num_envs, 2 or 3) of both.
+
+    Raise ValueError if the load targets are not finite, or have another shape.
+    """
+    scenario = models.scenario
+    changes_edges = scenario.control.edge_changes == "commanded"
+    given = np.asarray(load_targets, np.float64)
+    shape = (len(observations), 3 if changes_edges else 2)
+    if given.shape != shape or not np.isfinite(given).all():
+        raise ValueError(f"load targets must be finite, of shape {shape}, got {load_targets!r}")
+    columns = np.clip(given, -1.0, 1.0).T
+    points = models.points
+    reading = models.read(observations)
+
+    log_target = _value(columns[0], LOG_TARGET)
+    log_speed = points.log_speed + _value(columns[1], LOG_SPEED)
+    gap = feed_gaps(shares_of(reading, scenario), points, log_target).least
+    log_feed = log_feed_towards(reading, gap, GAIN_UP, GAIN_DOWN)
+    log_feed = within_window(held_in_air(reading, log_feed), points)
+    change_edge = None
+    if changes_edges:
+        change_at = _value(columns[2], CHANGE_WEAR) * scenario.tool.wear_criterion
+        change_edge = reading.nominal_wear > change_at
+    return towards(
+        reading,
+        scenario,
+        cutting_speed=exp(log_speed),
+        feed=exp(log_feed),
+        change_edge=change_edge,
+    )
+
+
+class LoadTargetPolicy(Policy):
+    """A policy whose actions are load targets, which loops turn into an environment's own.
+
+    Args:
+        policy: the policy.
+        models: nominal model of each environment.
+    """
+
+    def __init__(self, policy: Policy, models: Sequence[Scenario]) -> None:
+        self._policy = policy
+        self._models = PointsOfModels(models)
+
+    def reset(self, mask: Mask) -> None:
+        self._policy.reset(mask)
+
+    def act(self, observations: Observations) -> Actions:
+        return own_actions(self._models, self._policy.act(observations), observations)
+
+
 class _Loops:
     """The feed loops of the environments of a wrapper."""
 
     def __init__(self, env: Any, num_envs: int) -> None:
         self._models = PointsOfEnvs(env, num_envs, "a load target")
-        self._size = len(action_names(env.unwrapped.scenario))
+        self.space = space_of(env.unwrapped.scenario)
         self._observations: Observations = np.zeros((num_envs, 0), np.float32)
-
-    def space(self) -> Any:
-        """Return a new space of one environment's actions."""
-        return Box(-1.0, 1.0, shape=(self._size,), dtype=np.float32)
 
     def observe(self, observations: Observations, infos: dict[str, Any]) -> None:
         """Take what a reset or a step has returned."""
         self._models.follow(infos)
         self._observations = observations
 
-    def actions(self, actions: Any) -> Actions:
-        """Return the environments' own actions, shape (num_envs, 2 or 3), for load targets.
-
-        Raise ValueError if the load targets are not finite, or have another shape.
-        """
-        given = np.asarray(actions, np.float64)
-        shape = (len(self._observations), self._size)
-        if given.shape != shape or not np.isfinite(given).all():
-            raise ValueError(f"load targets must be finite, of shape {shape}, got {actions!r}")
-        columns = np.clip(given, -1.0, 1.0).T
-        models = self._models
-        points = models.points
-        reading = models.read(self._observations)
-
-        log_target = _value(columns[0], LOG_TARGET)
-        log_speed = points.log_speed + _value(columns[1], LOG_SPEED)
-        loads = shares_of(reading, models.scenario)
-        gap = feed_gaps(loads, points, log_target).least
-        log_feed = log_feed_towards(reading, gap, GAIN_UP, GAIN_DOWN)
-        log_feed = within_window(held_in_air(reading, log_feed), points)
-        change_edge = None
-        if self._size > 2:
-            change_at = _value(columns[2], CHANGE_WEAR) * models.scenario.tool.wear_criterion
-            change_edge = reading.nominal_wear > change_at
-        return towards(
-            reading,
-            models.scenario,
-            cutting_speed=exp(log_speed),
-            feed=exp(log_feed),
-            change_edge=change_edge,
-        )
+    def actions(self, load_targets: Any) -> Actions:
+        """Return the environments' own actions; ValueError as ``own_actions``."""
+        return own_actions(self._models, load_targets, self._observations)
 
 
 def _value(action: NDArray[np.float64], range_of: tuple[float, float]) -> NDArray[np.float64]:
@@ -145,7 +172,7 @@ class LoadTargetAction(
         RecordConstructorArgs.__init__(self)
         gymnasium.Wrapper.__init__(self, env)
         self._loops = _Loops(env, 1)
-        self.action_space = self._loops.space()
+        self.action_space = self._loops.space
 
     def reset(self, **options: Any) -> tuple[Observations, dict[str, Any]]:
         observation, info = self.env.reset(**options)
@@ -166,7 +193,7 @@ class VectorLoadTargetAction(VectorWrapper):
     def __init__(self, env: VectorEnv[Observations, Actions, NDArray[Any]]) -> None:
         super().__init__(env)
         self._loops = _Loops(env, env.num_envs)
-        self.single_action_space = self._loops.space()
+        self.single_action_space = self._loops.space
         self.action_space = batch_space(self.single_action_space, env.num_envs)
 
     def reset(

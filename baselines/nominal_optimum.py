@@ -28,10 +28,10 @@ class SetPointShares(NamedTuple):
 
 WHOLE = SetPointShares(cutting_speed=1.0, feed=1.0)
 FEASIBLE_SHARES = {
-    "shop": SetPointShares(cutting_speed=0.92, feed=0.62),
+    "shop": SetPointShares(cutting_speed=0.94, feed=0.69),
     "unmodelled": SetPointShares(cutting_speed=0.65, feed=0.6),
 }
-"""Shares with the highest mean return of those that are feasible on 128 training jobs.
+"""Shares with the highest mean return of those that are feasible on training jobs.
 
 ``python -m research.studies.family_fixed`` compares them.
 """

@@ -39,11 +39,15 @@ RUN_TIME_INPUTS = {
     "rest",
     "position": "tracks the tool's position along the bar, from observations and the bars' "
     "geometry",
+    "derived inputs": "is shown the higher load, and distances of speed and feed from the nominal "
+    "optimum, the chip breaker's window and the base speed",
+    "load target": "sets the target of a feed loop, which knows the nominal optimum and the "
+    "exponents of feed",
 }
 """Inputs at run time beside the present observation, by name, in the order of tables."""
 CLASSES = {
-    "model-free agent": "trained on observations, rewards and costs alone; no model runs in the "
-    "policy",
+    "model-free agent": "trained on observations, rewards and costs alone; no estimator and no "
+    "planner runs in the policy",
     "agent on a belief": "trained on rewards, costs and what a Kalman filter with the nominal "
     "model estimates from observations",
     "learned guide of a rule": "trained on observations, rewards and costs alone; sets two limits "
@@ -81,6 +85,8 @@ class Inputs:
     context_entries: int  # numbers of a family's job in an observation; 0 without a family
     hides_context: bool  # whether the agent does not see them
     belief: bool  # sees the estimates of the optimisers' filter (``baselines/belief.py``)
+    derived: bool  # sees the entries of ``baselines/derived_observation.py``
+    load_target: bool  # sets the target of a feed loop (``baselines/load_target.py``)
     position: bool  # tracks the tool's position along the bar
     frames: int  # successive observations that it sees
     is_recurrent: bool  # its network has a memory
@@ -101,6 +107,8 @@ class Inputs:
             context_entries=len(names) if isinstance(names, list | tuple) else 0,
             hides_context=parameters.get("hides_context") is True,
             belief=parameters.get("belief") is True,
+            derived=parameters.get("derived") is True,
+            load_target=parameters.get("load_target") is True,
             position=parameters.get("position") is True,
             frames=_whole_number(parameters, "frames") or 1,
             is_recurrent=parameters.get("memory") is True or "lstm_hidden_size" in parameters,
@@ -129,6 +137,8 @@ class Inputs:
             "belief": self.belief or self.guides,  # the rule's belief is shown to its guide
             "rule": self.guides,
             "position": self.position,
+            "derived inputs": self.derived,
+            "load target": self.load_target,
         }
         return tuple(name for name in RUN_TIME_INPUTS if is_given[name])
 

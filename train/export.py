@@ -31,7 +31,6 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from baselines.belief import VectorBeliefObservation
 from leaderboard.agents import agent_file
 from leaderboard.agents.agent_file import (
     FORMAT,
@@ -288,7 +287,7 @@ def _environments(metadata: Metadata) -> Any:
         return None
     source = training_family(metadata.env_id, metadata.parameters) or metadata.scenario
     env = vector_env(source, NUM_ENVS, AutoresetMode.SAME_STEP)
-    return VectorBeliefObservation(env) if inputs.belief else env
+    return agent_file.wrapped(env, inputs)
 
 
 def largest_differences(

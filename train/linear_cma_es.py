@@ -220,12 +220,12 @@ def new_model(run: Run, vec_env: VecEnv) -> LinearCmaEs:
 def starts_at_nominal_optimum(run: Run) -> bool:
     """Return whether the search starts at the nominal optimum of a family's jobs.
 
-    It does if actions are incremental, the agent sees the context behind a plain observation, and
-    no other start is stated.
+    It does if actions are the environment's incremental ones, the agent sees the context behind a
+    plain observation, and no other start is stated.
     """
     p = run.parameters
     sees_context = run.family is not None and not p["hides_context"]
-    plain = not p["belief"] and p["frames"] == 1
+    plain = not (p["belief"] or p["derived"] or p["load_target"]) and p["frames"] == 1
     is_stated = bool(p.get("initial_actions"))
     return sees_context and plain and not is_stated and run.scenario.control.action == "incremental"
 
@@ -244,6 +244,8 @@ DEFAULTS: dict[str, Any] = {
     "episode_steps": 0,  # steps of an episode that count, the rest is cut off; 0: all
     "reward_scale": 1.0,  # factor on rewards [s]
     "belief": False,  # shows the estimates of the optimisers' filter: baselines/belief.py
+    "derived": False,  # shows the inputs of baselines/derived_observation.py
+    "load_target": False,  # actions are load targets: baselines/load_target.py
     "position": False,  # tells the position along the bar: train/terms.py
     "frames": 1,  # successive observations that the agent sees
     "hides_context": False,  # hides the numbers of a family's nominal models

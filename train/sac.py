@@ -80,6 +80,8 @@ DEFAULTS: dict[str, Any] = {
     "activation_fn": "relu",  # or "tanh"
     "reward_scale": 0.3333333333,  # factor on rewards [s]
     "belief": False,  # shows the estimates of the optimisers' filter: baselines/belief.py
+    "derived": False,  # shows the inputs of baselines/derived_observation.py
+    "load_target": False,  # actions are load targets: baselines/load_target.py
     "position": False,  # tells the position along the bar: train/terms.py
     "frames": 1,  # successive observations that the agent sees
     "life_price": "flat",  # charge for the edge's life: "flat", "marginal" (p(D)) or "end"

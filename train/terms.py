@@ -3,6 +3,8 @@
 The same hyperparameters mean the same for every algorithm that has them:
 
     belief = true            # the estimates of the optimisers' filter (baselines/belief.py)
+    derived = true           # the inputs of baselines/derived_observation.py
+    load_target = true       # actions are those of baselines/load_target.py
     position = true          # readings of the tool's position along the bar (DistanceTracker)
     frames = 4               # number of successive observations, with their positions
     life_price = "marginal"  # "flat": the environment's; "marginal": p(D); "end": at the edge's end
@@ -10,8 +12,9 @@ The same hyperparameters mean the same for every algorithm that has them:
     asymmetric = true        # PPO's critic sees the hidden state, its actor does not
 
 Position and earlier observations are part of the trained agent and of its file
-(``train/agent_inputs.py``). The belief is not: in play, ``leaderboard.agents.agent_file.informed``
-computes it from nominal models and observations. ``train/life_price.py`` changes the rewards.
+(``train/agent_inputs.py``). Belief, derived inputs and feed loop are not: in play,
+``leaderboard.agents.agent_file.informed`` computes them from nominal models and observations.
+``train/life_price.py`` changes the rewards.
 """
 
 from collections.abc import Callable
@@ -19,8 +22,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, Self
 
-from baselines.belief import VectorBeliefObservation
-from leaderboard.agents.agent_file import seen_space
+from leaderboard.agents import agent_file
 from leaderboard.inputs import Inputs
 from train.actor import Actor
 from train.agent_inputs import AgentInputs, AgentInputsWrapper, HiddenStateWrapper, WithInputs
@@ -60,6 +62,11 @@ class Terms:
                 "hides_context hides the numbers of a family's nominal models, but "
                 f"{self.scenario.name} is no family"
             )
+        if inputs.hides_context and (inputs.derived or inputs.load_target):
+            raise ValueError(
+                "hides_context hides the numbers of nominal models, but derived and load_target "
+                "use them"
+            )
 
     @classmethod
     def of(cls, run: Run) -> Self:
@@ -71,7 +78,7 @@ class Terms:
         frames = run.parameters.get("frames", 1)
         if not 1 <= frames <= MAX_FRAMES:
             raise ValueError(f"frames is {frames}, but must be 1 to {MAX_FRAMES}")
-        (entries,) = seen_space(run.env_id, run.scenario, run.parameters).shape
+        (entries,) = agent_file.seen_space(run.env_id, run.scenario, run.parameters).shape
         return cls(
             scenario=run.scenario,
             entries=entries,
@@ -112,10 +119,9 @@ class Terms:
 
         The inputs of the agent come first, those that an asymmetric critic alone sees follow.
         """
-        # The belief is made of whole observations, so it comes first; the hidden state is not the
-        # agent's, so it comes last.
-        if self.inputs.belief:
-            envs = VectorBeliefObservation(envs)
+        # What is made of whole observations comes first; the hidden state is not the agent's, so it
+        # comes last.
+        envs = agent_file.wrapped(envs, self.inputs)
         inputs = self._agent_inputs
         if inputs is not None:
             envs = AgentInputsWrapper(envs, inputs)

@@ -3,13 +3,14 @@
 They are the best set points, the window of feeds, the base speed, and the exponents of feed.
 """
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from baselines.models.nominal_models import NominalModels, new_jobs, scenario_of
 from baselines.rule import Array
-from turning_env import Reading
+from turning_env import Reading, Scenario
 from turning_env.numerics.functions import log
 from turning_env.observation import read
 from turning_env.policy import Observations
@@ -78,7 +79,28 @@ class _DrawnPoints(NamedTuple):
     points: NominalPoints
 
 
-class PointsOfEnvs:
+class PointsOfModels:
+    """Nominal models of environments, and their points.
+
+    Args:
+        models: nominal model of each environment.
+
+    Attributes:
+        scenario: the nominal models side by side.
+        points: their numbers.
+    """
+
+    def __init__(self, models: Sequence[Scenario]) -> None:
+        self._models = NominalModels(models)
+        self.scenario = self._models.scenario
+        self.points = nominal_points(self.scenario)
+
+    def read(self, observations: Observations) -> Reading:
+        """Return the readings of observations, whose first entries are the environment's own."""
+        return read(observations[:, : self._models.entries], self.scenario)
+
+
+class PointsOfEnvs(PointsOfModels):
     """Nominal models of the environments of a wrapper, and their points.
 
     Args:
@@ -86,22 +108,16 @@ class PointsOfEnvs:
         num_envs: number of environments.
         needed_by: what needs the environment, for the error.
 
-    Attributes:
-        scenario: the nominal models side by side.
-        points: their numbers.
-
     Raises:
         ValueError: this is not an environment of RoughTurning.
     """
 
     def __init__(self, env: Any, num_envs: int, needed_by: str) -> None:
         nominal = scenario_of(env, needed_by).nominal()
+        super().__init__([nominal] * num_envs)
         self._env = env.unwrapped
-        self._models = NominalModels([nominal] * num_envs)
         self._jobs = np.full(num_envs, -1)
         self._drawn: dict[int, _DrawnPoints] = {}
-        self.scenario = self._models.scenario
-        self.points = nominal_points(self.scenario)
 
     def follow(self, infos: dict[str, Any]) -> None:
         """Take the nominal models of the jobs that environments play after a reset or a step."""
@@ -113,7 +129,3 @@ class PointsOfEnvs:
             drawn = self._drawn[chunk]
             self._models.set(env_index, fields_of(drawn.jobs.nominal_fields, row))
             self.points.set(env_index, drawn.points, row)
-
-    def read(self, observations: Observations) -> Reading:
-        """Return the readings of observations, whose first entries are the environment's own."""
-        return read(observations[:, : self._models.entries], self.scenario)

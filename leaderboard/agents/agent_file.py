@@ -22,8 +22,10 @@ from gymnasium.spaces import Box
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError, model_validator
 
-from baselines.belief import Belief, BeliefPolicy, with_belief
+from baselines.belief import Belief, BeliefPolicy, VectorBeliefObservation, with_belief
+from baselines.derived_observation import DerivedPolicy, VectorDerivedObservation, with_entries
 from baselines.guided import HOLD, GuidedPolicy, decision_space, feature_space
+from baselines.load_target import LoadTargetPolicy, VectorLoadTargetAction, space_of
 from baselines.policy_spec import Parameters, PolicySpec, ScenarioId, Text
 from leaderboard.agents import network
 from leaderboard.agents.messages import Outline
@@ -149,8 +151,8 @@ def _from_json(text: str) -> Any:
 def seen_space(env_id: str, scenario: Scenario, parameters: Mapping[str, Any]) -> Box:
     """Return the space of an agent's observations.
 
-    It is the environment's, with the entries of model and belief that its parameters name; or that
-    of a guide's features. Raise ValueError if the parameters of a family's agent name no context.
+    It is the environment's, with the entries that its parameters name, as of a belief; or that of a
+    guide's features. Raise ValueError if the parameters of a family's agent name no context.
     """
     try:
         context = len(parameters["context"]["names"]) if env_id == FAMILY_ID else 0
@@ -162,15 +164,22 @@ def seen_space(env_id: str, scenario: Scenario, parameters: Mapping[str, Any]) -
     if inputs.guides:
         return feature_space(context)
     space: Any = observation_space(scenario, context)
+    if inputs.derived:
+        space = with_entries(space)
     box: Box = with_belief(space) if inputs.belief else space
     return box
 
 
 def acting_space(scenario: Scenario, parameters: Mapping[str, Any]) -> Box:
-    """Return the space of an agent's actions: the environment's, or of a guide's decisions."""
-    if Inputs.of(parameters).guides:
+    """Return the space of an agent's actions.
+
+    It is the environment's, that of load targets, or of a guide's decisions. Raise ValueError if
+    the scenario's actions know no load targets.
+    """
+    inputs = Inputs.of(parameters)
+    if inputs.guides:
         return decision_space()
-    space: Any = action_space(scenario)
+    space: Any = space_of(scenario) if inputs.load_target else action_space(scenario)
     box: Box = space
     return box
 
@@ -180,10 +189,10 @@ def informed(
     scenarios: Scenario | Sequence[Scenario],
     shown: Mapping[str, float] | None = None,
 ) -> PolicyFactory:
-    """Return the function that makes an agent for scenarios, with its belief or its rule.
+    """Return the function that makes an agent for scenarios, with what goes with it.
 
-    The agent's parameters say whether it has one. If the nominal model of its training was wrong,
-    the belief expects errors of the laws.
+    The agent's parameters say whether it has a belief, derived inputs, a feed loop or a rule. If
+    the nominal model of its training was wrong, the belief expects errors of the laws.
 
     Args:
         agent: the agent.
@@ -193,7 +202,8 @@ def informed(
             ValueError if one is missing, or has another name.
     """
     inputs = Inputs.of(agent.parameters)
-    if not inputs.guides and not inputs.belief:
+    knows_models = inputs.guides or inputs.belief or inputs.derived or inputs.load_target
+    if not knows_models:
         return agent.make
 
     def make(num_envs: int) -> Policy:
@@ -202,10 +212,28 @@ def informed(
         if inputs.guides:
             context = None if shown is None else _context(agent, played, shown)
             return GuidedPolicy(agent.make(num_envs), models, context)
-        learns_laws = agent.trained_on is not None and bool(agent.trained_on.nominal_model)
-        return BeliefPolicy(agent.make(num_envs), Belief(models, learns_laws))
+        policy = agent.make(num_envs)
+        # Each sees what the one after it adds: in reverse order of ``wrapped``.
+        if inputs.belief:
+            learns_laws = agent.trained_on is not None and bool(agent.trained_on.nominal_model)
+            policy = BeliefPolicy(policy, Belief(models, learns_laws))
+        if inputs.derived:
+            policy = DerivedPolicy(policy, models)
+        return LoadTargetPolicy(policy, models) if inputs.load_target else policy
 
     return make
+
+
+def wrapped(envs: Any, inputs: Inputs) -> Any:
+    """Return vector environments whose observations and actions are those of an agent's training.
+
+    ``informed`` does the same in play.
+    """
+    if inputs.load_target:
+        envs = VectorLoadTargetAction(envs)
+    if inputs.derived:
+        envs = VectorDerivedObservation(envs)
+    return VectorBeliefObservation(envs) if inputs.belief else envs
 
 
 def _context(
