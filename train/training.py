@@ -265,8 +265,8 @@ def _model_and_environments(run: Run, algorithm: Algorithm) -> tuple[Any, RoughT
         run.family or run.scenario, p["num_envs"], p["reward_scale"], terms.wrapped
     )
     model: Any = algorithm.new_model(run, vec_env)
-    # The last layer starts near 0, so its bias is the mean of the first actions. Stated are those of
-    # the environment; load targets begin in the middle of their ranges.
+    # The last layer starts near 0, so its bias is the mean of the first actions. Stated are the
+    # environment's own; load targets begin in the middle of their ranges.
     means = None if terms.inputs.load_target else p.get("initial_actions")
     if means:
         model.policy.action_net.bias.data[: len(means)] = torch.tensor(means)
