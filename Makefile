@@ -92,11 +92,10 @@ results: .venv/run
 			RoughTurning-Shift-v0) seeds="--seeds $(SPLIT_SEEDS)";; \
 			RoughTurning-Family-v1) \
 				play=".venv/bin/python -m leaderboard run --env $$env --results $(SHIPPED_RESULTS) --jobs $(JOBS) --seeds $(NUM_SEEDS)"; \
-				$$play --splits --policies $(DEGENERATE) random fixed_nominal_optimum fixed_nominal_share predictive self_tuning causal; \
-				$$play --splits --policies self_tuning --knows true_wear; \
+				$$play --splits --policies $(DEGENERATE) random fixed_nominal_optimum fixed_nominal_share load_loop_jobs predictive self_tuning causal; \
 				$$play --splits --policies predictive self_tuning --knows true_laws; \
 				$$play --policies self_tuning --forgets; \
-				$$play --scenario unmodelled --splits --policies idle never_cut random fixed_nominal_optimum fixed_nominal_share predictive self_tuning chip_window reactive known_forms causal; \
+				$$play --scenario unmodelled --splits --policies idle never_cut random fixed_nominal_optimum fixed_nominal_share load_loop_jobs predictive self_tuning chip_window reactive known_forms causal; \
 				continue;; \
 			*) seeds="--seeds $(TASK_SEEDS)";; \
 		esac; \
