@@ -35,9 +35,6 @@ RULES: dict[str, Rule] = {}  # all rules by name
 for _file in _FILES:
     RULES |= import_module(f"baselines.{_file}").RULES
 
-UNPLAYED = ("load_loop", "load_loop_jobs")
-"""Rules that have not played held-out seeds: their results come with the next release."""
-
 CHANGE_AT = "change_at"
 """Parameter of rules that change no edges: nominal wear over the criterion at the change [-]."""
 CHANGE_RANGE = TuningRange(0.5, 1.3)  # within which it is tuned

@@ -38,7 +38,7 @@ from leaderboard.table import MARKS
 from turning_env import FAMILY_ID, IDS
 from turning_env.scenario.family import families
 
-SIMPLE_SEARCHES = ("linear_cma_es",)
+SIMPLE_SEARCHES = ("linear_cma_es", "load_loop", "load_loop_jobs")
 """Agents without a network, found by a search over a handful of numbers."""
 LEVELS = (0.0, 50.0, 90.0)
 """Scores at which the table gives the performance profile."""

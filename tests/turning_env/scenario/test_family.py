@@ -15,16 +15,16 @@ from turning_env.scenario.sections import EdgeFailure, Mismatch
 SHOP = Family.load("shop")
 UNMODELLED = Family.load("unmodelled")
 JOBS = {
-    ("shop", "train"): "67b14524b7e305a5",
-    ("shop", "validation"): "ab00820dc183e917",
-    ("shop", "unseen_jobs"): "ad9b5f9382a87067",
-    ("shop", "unseen_materials"): "f0d745f1f19b49a6",
-    ("shop", "unseen_machines"): "22815411f48502ec",
-    ("unmodelled", "train"): "1d50f8b06c0aea51",
-    ("unmodelled", "validation"): "ee0d917b15375188",
-    ("unmodelled", "unseen_jobs"): "42b2eccd0602ef14",
-    ("unmodelled", "unseen_materials"): "46ea6647a7b78791",
-    ("unmodelled", "unseen_machines"): "2fef29571f1add4c",
+    ("shop", "train"): "1e34709b797f8934",
+    ("shop", "validation"): "13c7b89dae4ca033",
+    ("shop", "unseen_jobs"): "f43c3044ab010d94",
+    ("shop", "unseen_materials"): "4070c766a1ed7545",
+    ("shop", "unseen_machines"): "4b6eaa6d651032bc",
+    ("unmodelled", "train"): "0d858e8c52bba638",
+    ("unmodelled", "validation"): "ca2f80b1315a7f77",
+    ("unmodelled", "unseen_jobs"): "c6a99da00f41484a",
+    ("unmodelled", "unseen_materials"): "e43a403058a65262",
+    ("unmodelled", "unseen_machines"): "72ad5eed108f6abf",
 }
 """Golden digests of all jobs of each split of the families that have results."""
 SMALL = {
