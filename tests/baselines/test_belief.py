@@ -82,6 +82,11 @@ def test_expected_loads_are_as_sure_as_they_say():
         return before[:, ENTRIES.index(name) - len(ENTRIES)]
 
     observations, _ = envs.reset(seed=0)
+    sensors = [envs.unwrapped.job(i).scenario.sensors for i in range(num_envs)]
+    noises = {
+        "power": np.array([sensor.power_noise for sensor in sensors]),
+        "force": np.array([sensor.force_noise for sensor in sensors]),
+    }
     errors = []
     still = np.tile(np.float32([0.0, 0.0, -1.0]), (num_envs, 1))
     for step in range(120):
@@ -96,7 +101,7 @@ def test_expected_loads_are_as_sure_as_they_say():
         for law, entry in (("power", OBS.power), ("force", OBS.thrust_force)):
             load = observations[:, entry] / DEVIATION_SCALE + 1.0
             log_load = np.log(np.maximum(load, 0.01))
-            spread = np.hypot(believed(f"this_log_{law}_deviation"), 0.02)
+            spread = np.hypot(believed(f"this_log_{law}_deviation"), noises[law])
             error = (log_load - believed(f"this_log_{law}")) / spread
             errors.append(error[steady])
     errors = np.concatenate(errors)

@@ -68,8 +68,8 @@ def test_every_number_of_a_family_is_counted_once() -> None:
 
 
 @pytest.mark.parametrize("name", families())
-def test_every_number_has_a_source_and_a_third_of_them_is_data(name: str) -> None:
+def test_every_number_has_a_source_and_three_in_ten_are_data(name: str) -> None:
     family = Family.load(name)
     counts = counts_of(family)
     assert [number for number in numbers_of(family) if number.kind == NEITHER] == []
-    assert counts[DATA] / counts.total() > 1 / 3
+    assert counts[DATA] / counts.total() > 0.3
