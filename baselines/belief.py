@@ -26,7 +26,7 @@ from baselines.models.nominal_models import NominalModels, Values, scenario_of, 
 from baselines.optimiser import plays
 from baselines.rule import Array, Mask
 from turning_env import FamilyEnv, FamilyVectorEnv, Reading, Scenario
-from turning_env.numerics.functions import log
+from turning_env.numerics.functions import exp, log
 from turning_env.numerics.wear_term import log_wear_term, term_over_criterion
 from turning_env.observation import read
 from turning_env.policy import Actions, Observations, Policy
@@ -209,7 +209,10 @@ class Belief:
             at_criterion = (
                 log_coefficient + parameters["wear_exponents"][:, law] * term_at_criterion
             )
-            term = term_over_criterion(growth * parameters["wear_criterion"], log_wear)
+            # The outlook holds the wear factor's effect on a worn-out edge. With U = 1 + b W it is
+            # less on this one: the true wear grows the load as the nominal one would with c b.
+            true_growth = growth * parameters["wear_criterion"] * exp(self.filter.log_wear_factor)
+            term = term_over_criterion(true_growth, log_wear)
             by_place = (
                 exponents.speed[law] * log_speed
                 + exponents.feed[law] * log_feed
