@@ -358,10 +358,14 @@ class Modal:
             # M3, M4 and M5, and M13 and M14 with coolant.
             if word.value in (3, 4, 5, 13, 14):
                 self.spindle_on = word.value != 5
-            elif word.value not in _KNOWN_M:
+            elif word.value not in _KNOWN_M and not self._calls_block(word, line):
                 self.note(
                     f"M{word.value:g} is not understood; it is taken as without effect on the path"
                 )
+
+    def _calls_block(self, word: Word, line: Line) -> bool:
+        """Return whether a word is M97 of Haas, which calls the block that P names."""
+        return self.fanuc and word.value == 97 and line.first("P") is not None
 
     # Lengths and coordinates.
 

@@ -14,7 +14,14 @@ from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
 
-from turning_nc.dialects import NUMBER, Dialect, dialect_of, foreign_sign, with_line_feeds
+from turning_nc.dialects import (
+    NUMBER,
+    Dialect,
+    dialect_of,
+    foreign_sign,
+    with_line_feeds,
+    without_null_indices,
+)
 from turning_nc.expression import MAX_SHOWN, parse
 
 from turning_env.console import UserError
@@ -190,11 +197,14 @@ class Flow(NamedTuple):
     a target alone.
     """
 
-    word: str  # IF or WHILE
+    word: str  # IF, WHILE or FOR
     condition: str
     jump: str  # GOTO, GOTOF, GOTOB, DO, END or ENDWHILE
     target: str  # label or number of the block or the loop
     then: str  # words after THEN
+    counter: str = ""  # parameter that FOR counts up
+    start: str = ""  # its first value
+    before: tuple["Word", ...] = ()  # words of the block before it
 
 
 @dataclass(frozen=True)
@@ -361,7 +371,8 @@ def _without_comments(line: str, dialect: Dialect) -> str:
         string_ = match[1] if match.re.groups else None
         return string_ or " " * len(match[0])
 
-    return dialect.comment.sub(replaced, line).replace("\t", " ")
+    code = dialect.comment.sub(replaced, line).replace("\t", " ")
+    return code if dialect.system else without_null_indices(code)
 
 
 class _Header(NamedTuple):
@@ -411,7 +422,7 @@ def _line(number: int, code: str, offset: int, dialect: Dialect) -> Line:
         flow_match = None if flow else dialect.flow.fullmatch(code, place, end)
         word_match = None if flow_match else dialect.word.match(code, place)
         if flow_match:
-            flow = _flow(flow_match)
+            flow = _flow(flow_match)._replace(before=tuple(words))
             place = flow_match.start("then") if flow.then else end
         elif word_match:
             words.append(_word(word_match, offset))
@@ -441,6 +452,19 @@ def _line(number: int, code: str, offset: int, dialect: Dialect) -> Line:
 
 def _flow(match: re.Match[str]) -> Flow:
     """Return the jump, loop or condition of a match."""
+    groups = match.groupdict()
+    if groups.get("loop"):
+        counter = groups["counter"]
+        last = _without_blanks(groups["last"])
+        return Flow(
+            word="FOR",
+            condition=f"{counter}<={last}",
+            jump="",
+            target="",
+            then="",
+            counter=counter,
+            start=_without_blanks(groups["start"]),
+        )
     return Flow(
         word=match["word"] or "",
         condition=_without_blanks(match["condition"] or ""),

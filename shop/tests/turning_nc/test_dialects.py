@@ -353,6 +353,18 @@ OTHERS = {
     ],
     "Heidenhain": ["0 BEGIN PGM WELLE MM"],
     "Mazatrol": ["PNO. 3"],
+    "Fagor": [
+        "%SHAFT,MX--,",
+        "%SHAFT 12 ,MX--",
+        "%L BORE",
+        "#RET",
+        "N20 (RPT N10,N20)",
+        "(PCALL 5, P1=3)",
+        "(IF P1 GT 3 GOTO N10)",
+        "$IF P1 > 3",
+    ],
+    "Emco": ["G84 X50. Z-30. D3=1000", "N10 G86 X40 Z-12 D5=3 F0.1"],
+    "ShopTurn": ['N5 E_HEAD(0,100,0,"A")', "E_STOCK_R(1)"],
 }
 
 
@@ -399,6 +411,8 @@ def test_programs_of_mazak_are_read_as_fanucs_with_a_note(sign: str) -> None:
         "G3 X60. Z-5. I0. K-2. B0",
         "G58",
         "N5 G71 U2. R1.",
+        "(CALL THE SETTER)",
+        "(IF THE BAR IS LONG GOTO THE NEXT)",
     ],
 )
 def test_words_of_fanuc_show_no_other_control(line: str) -> None:
