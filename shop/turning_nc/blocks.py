@@ -282,7 +282,7 @@ def _addresses_of_cycle(control: Control, line: Line, cycle: int) -> set[str]:
     if cycle == 76 and (control.linuxcnc or line.first("J")):
         return set("PQRIJKEL")
     if cycle == 70:
-        return {"P", "Q"}
+        return {"P", "Q", "D"}
     if cycle <= 73:
         names_contour = line.first("P") is not None and line.first("Q") is not None
         return set("PQDIK") if names_contour else {"R"}

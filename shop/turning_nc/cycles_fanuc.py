@@ -89,8 +89,9 @@ def _check_coordinates(control: Control, line: Line, code: int) -> None:
     if code > 73:
         return
     taken = {"U", "W"}
-    if code == 70:
-        taken = set()
+    # Programs of roughing cycles are copied for finishing: controls skip what G70 does not have.
+    if code == 70 and line.first("U", "W", "D"):
+        control.note("U, W and D of G70 are left out: it finishes on the contour itself")
     elif code in (71, 72) and not line.first("P", "Q"):
         # The first block holds the depth of the passes alone.
         taken = {"W"} if code == 72 else {"U"}
