@@ -139,7 +139,7 @@ def test_words_that_a_cycle_does_not_use_are_named(cycle: str, word: str) -> Non
 
 
 def test_words_of_roughing_do_not_change_finishing() -> None:
-    text = f"{BAR}G71 U2. R1.\nG71 P1 Q2 U0.4 W0.1\n{CONTOUR.replace('M30', 'G70 P1 Q2')}"
+    text = f"{BAR}G71 U2. R1.\nG71 P1 Q2 U0.4 W0.1 F0.2\n{CONTOUR.replace('M30', 'G70 P1 Q2')}"
     made = moves(text.replace("G70 P1 Q2", "G70 P1 Q2 U0.4 W0.1 D1."))
     ends = [move.path.end for move in moves(text).moves]
     assert [move.path.end for move in made.moves] == ends
