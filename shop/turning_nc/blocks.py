@@ -175,6 +175,28 @@ def _why_unknown(control: Control, word: Word, line: Line) -> str:
 
 # Words that belong together.
 
+# Modes of which a block may hold one: coordinates, feed, speed, compensation and X as a diameter.
+_MODES = ({90, 91}, {94, 95}, {98, 99}, {96, 97}, {40, 41, 42}, {7, 8})
+
+
+def with_one_mode(control: Control, line: Line) -> Line:
+    """Return the line without the modes of a group of which it states several.
+
+    Some controls stop at them; the others differ in which of them they take.
+    """
+    for group in (*_MODES, control.dialect.units.keys()):
+        stated = line.codes & group
+        if len(stated) > 1:
+            names = " and ".join(f"G{code:g}" for code in sorted(stated))
+            control.refuse(f"{names} exclude each other")
+            line = _without_functions(line, stated)
+    return line
+
+
+def _without_functions(line: Line, codes: set[float]) -> Line:
+    """Return the line without some G functions."""
+    return _kept(line, lambda word: word.address != "G" or word.value not in codes)
+
 
 def with_one_motion(control: Control, line: Line) -> Line:
     """Return the line without its move if it states several kinds of moves.

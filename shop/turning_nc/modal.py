@@ -224,10 +224,11 @@ class Modal:
         """
         others = _MOVING | self.dialect.cycles.keys()
         has_place = self.fanuc and line.first(*COORDINATES)
-        if codes & others or not has_place:
+        # LinuxCNC has no boxes: G90 and G94 are modes there, and G92 sets the zero point.
+        if codes & others or not has_place or self.linuxcnc:
             return None
         stated = codes & self.dialect.boxes.keys()
-        unclear = codes & {90, 91, 92, 94}
+        unclear = codes & {90, 92, 94}
         if unclear and self.dialect is FANUC and not self.system_a:
             raise BlockError(
                 f"G{min(unclear):g} with coordinates but without G0 or G1 is a cycle on some "

@@ -18,6 +18,7 @@ from turning_nc.blocks import (
     known_words,
     meaningful_words,
     single_words,
+    with_one_mode,
     with_one_motion,
 )
 from turning_nc.control import MAX_BLOCKS, Control, Kind, Move
@@ -352,7 +353,7 @@ class ProgramControl(Control):
         # G28 V0 alone moves an axis that does not turn, but G28 alone moves X and Z.
         other_axes = line.first(*NULL_AXES, "H") and not line.first(*COORDINATES)
         line = known_words(self, single_words(self, line))
-        line = with_one_motion(self, line)
+        line = with_one_mode(self, with_one_motion(self, line))
         codes = line.codes
         box = None
         with self.naming_problems():

@@ -311,10 +311,19 @@ def divide(text: str, dialect: Dialect | None = None) -> PartProgram:
         if code.strip():
             parts[part].append(_line(number, code, offset=offset, dialect=dialect))
         offset += len(whole) + 1
+    # Numbers of blocks alone before the program's own begin are no program.
+    if len(parts) > 1 and not any(_says_something(line) for line in parts[""]):
+        parts[""] = []
     filled = {name: tuple(lines) for name, lines in parts.items() if lines}
     if not filled:
         raise NcError("holds no blocks: it is empty, or all of it is comment")
     return PartProgram(text, dialect, parts=filled, notes=_notes_on_comments(raw, dialect))
+
+
+def _says_something(line: Line) -> bool:
+    """Return whether a line holds more than the number of its block."""
+    has_words = any(word.address != "N" for word in line.words)
+    return has_words or bool(line.unknown) or line.flow is not None
 
 
 def _notes_on_comments(raw: Iterable[str], dialect: Dialect) -> tuple[str, ...]:

@@ -628,3 +628,38 @@ def test_machine_axes_go_to_their_reference_points() -> None:
     assert moves(text).moves[-1].kind == "rapid"
     with pytest.raises(NcError, match="X1= is not understood"):
         moves(text.replace("G75", "G1"))
+
+
+@pytest.mark.parametrize("line", ["N5", "N5 (FIRST OP)"])
+def test_numbers_before_the_begin_of_a_program_are_no_program(line: str) -> None:
+    assert cuts(f"%\n{line}\nO0001\n{BAR}{CUT}%\n") == [(2.0, 56.0), (-40.0, 56.0)]
+
+
+@pytest.mark.parametrize(
+    ("text", "modes"),
+    [
+        (f"{BAR}G90 G91 G1 X56. F0.2", "G90 and G91"),
+        (f"{BAR}G98 G99\n{CUT}", "G98 and G99"),
+        (f"{BAR}G96 G97 S100\n{CUT}", "G96 and G97"),
+        (f"{BAR}G20 G21\n{CUT}", "G20 and G21"),
+        (f"{BAR}G41 G40 {CUT}", "G40 and G41"),
+        (DREHEN.replace("G71", "G70 G71"), "G70 and G71"),
+    ],
+)
+def test_modes_that_contradict_each_other_are_named(text: str, modes: str) -> None:
+    with pytest.raises(NcError, match=f"{modes} exclude each other"):
+        moves(text)
+
+
+def test_coordinates_beside_the_modes_of_linuxcnc_are_moves() -> None:
+    head = "G7 G21 G95 G97\nM3 S800 F0.2\nG0 X62 Z2\nG1 X56\n"
+    assert cuts(f"{head}G91 Z-5\nG94 Z-5 F160\nG90 X60")[1:] == [
+        (-3.0, 56.0),
+        (-8.0, 56.0),
+        (-8.0, 60.0),
+    ]
+
+
+def test_increments_beside_coordinates_are_no_box() -> None:
+    text = f"G95\n{BAR.replace(' G99', '')}G1 X56. F0.2\nG91 Z-5.\nG90\nG1 X60.\n"
+    assert cuts(text) == [(2.0, 56.0), (-3.0, 56.0), (-3.0, 60.0)]
