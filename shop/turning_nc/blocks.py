@@ -7,7 +7,7 @@ function returns the line with the words that stay.
 from collections.abc import Callable
 
 from turning_nc.control import Control
-from turning_nc.dialects import NOT_READ
+from turning_nc.dialects import NOT_READ, NOT_READ_CODES
 from turning_nc.interpolation import ARCS, MOTIONS, THREADS
 from turning_nc.modal import COORDINATES
 from turning_nc.words import BlockError, Line, Word
@@ -86,7 +86,9 @@ def known_words(control: Control, line: Line) -> Line:
         if control.go_on and len(taken) > 1:
             names = [f"{word.address}{word.text}" for word in taken]
             left_out = f", so {' and '.join(names)} are left out"
-        control.refuse(f"G{min(foreign):g} is not understood{left_out}")
+        code = min(foreign)
+        reason = NOT_READ_CODES.get(code, "") if control.fanuc else ""
+        control.refuse(f"G{code:g} is not understood{reason}{left_out}")
     return known
 
 
@@ -161,7 +163,7 @@ def _why_unknown(control: Control, word: Word, line: Line) -> str:
         return f"{call} is not understood{NOT_READ.get(name, '')}"
     if name not in dialect.addresses:
         equals = "=" if name[1:].isalnum() else ""
-        hint = ""
+        hint = "" if control.fanuc else NOT_READ.get(name, "")
         # A chamfer is ,C on a Fanuc; C alone is a rotary axis.
         if control.fanuc and name == "C" and line.first(*COORDINATES):
             hint = "; write ,C for a chamfer between moves"
@@ -172,6 +174,28 @@ def _why_unknown(control: Control, word: Word, line: Line) -> str:
 
 
 # Words that belong together.
+
+# Modes of which a block may hold one: coordinates, feed, speed, compensation and X as a diameter.
+_MODES = ({90, 91}, {94, 95}, {98, 99}, {96, 97}, {40, 41, 42}, {7, 8})
+
+
+def with_one_mode(control: Control, line: Line) -> Line:
+    """Return the line without the modes of a group of which it states several.
+
+    Some controls stop at them; the others differ in which of them they take.
+    """
+    for group in (*_MODES, control.dialect.units.keys()):
+        stated = line.codes & group
+        if len(stated) > 1:
+            names = " and ".join(f"G{code:g}" for code in sorted(stated))
+            control.refuse(f"{names} exclude each other")
+            line = _without_functions(line, stated)
+    return line
+
+
+def _without_functions(line: Line, codes: set[float]) -> Line:
+    """Return the line without some G functions."""
+    return _kept(line, lambda word: word.address != "G" or word.value not in codes)
 
 
 def with_one_motion(control: Control, line: Line) -> Line:
@@ -206,13 +230,22 @@ def meaningful_words(control: Control, line: Line, codes: set[float]) -> Line:
         if word.address == "A" and word.value == 0.0:
             control.note(NULL_NOTE)
             return False
-        hint = ""
-        if word.address == "R":
-            hint = "; write ,R for a radius between moves"
+        hint = _hint_at(word, line) if control.fanuc else ""
         control.refuse(f"{word.address}{word.text} has no meaning in this block{hint}")
         return False
 
     return _kept(line, has_meaning)
+
+
+def _hint_at(word: Word, line: Line) -> str:
+    """Return what to write for a word of a Fanuc that has no meaning in its block."""
+    if word.address == "R":
+        return "; write ,R for a radius between moves"
+    if word.address in ("I", "K") and line.first(*COORDINATES):
+        return "; write ,C for a chamfer between moves"
+    if word.address == "P" and line.has("M", 99):
+        return "; M99 returns behind its call, and to no other block: write GOTO"
+    return ""
 
 
 def _addresses_used(control: Control, line: Line, codes: set[float]) -> set[str]:
@@ -240,14 +273,10 @@ def _addresses_used_by_fanuc(
     cycle = control.function(codes)
     used: set[str] = set()
     if cycle:
-        used |= {"P", "Q", "D", "R"}
-        if cycle >= 73 or (cycle in (71, 72) and line.first("P")):
-            used |= {"I", "K"}
-        if cycle == 76 and control.linuxcnc:
-            used |= {"J", "E", "L"}
+        used |= _addresses_of_cycle(control, line, cycle)
     elif motion in (90, 92, 94):
-        # Boxes replace the motion in force: R is their taper.
-        used = {"R"}
+        # Boxes replace the motion in force: R is their taper; I or K are on some controls.
+        used = {"R", "K" if motion == 94 else "I"}
         # Q of G92 is the angle at which one of several threads begins.
         if motion == 92:
             used.add("Q")
@@ -255,13 +284,35 @@ def _addresses_used_by_fanuc(
     coordinates = [word for word in line.words if word.address in COORDINATES]
     if cycle == 76 or len(coordinates) == 1:
         used.add("A")
-    if line.has("M", 98):
+    if line.has("M", 98) or line.has("M", 97):
         used |= {"P", "L"}
-    elif codes & {4, 30, 64, 103, 154, 187}:
+    elif codes & {4, 30, 54, 54.1, 64, 103, 154, 187}:
         used.add("P")
-    elif 96 in codes:
+    # The corner's tolerance of Haas, G187 P1 E0.01, changes no path that is computed here.
+    if 187 in codes:
+        used.add("E")
+    if 96 in codes:
         used.add("D")
     return used
+
+
+def _addresses_of_cycle(control: Control, line: Line, cycle: int) -> set[str]:
+    """Return the addresses, of those that only some blocks use, of a cycle as system A numbers it.
+
+    Cycles of two blocks have words of their own in each; the second has coordinates, or P and Q.
+    """
+    if cycle == 76 and (control.linuxcnc or line.first("J")):
+        return set("PQRIJKEL")
+    if cycle == 70:
+        return {"P", "Q", "D"}
+    if cycle <= 73:
+        names_contour = line.first("P") is not None and line.first("Q") is not None
+        return set("PQDIK") if names_contour else {"R"}
+    if cycle >= 81:
+        return set("PQRK")
+    if line.first(*COORDINATES):
+        return set("PQRDIK")
+    return set("PQR") if cycle == 76 else {"R"}
 
 
 # Dwells.

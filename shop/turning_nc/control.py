@@ -67,6 +67,7 @@ class Control(Modal, ABC):
 
     moves: list[Move] = field(default_factory=list)
     has_moved: bool = False  # whether a move is no dwell
+    is_shifted: bool = False  # whether TRANS of SINUMERIK holds
 
     # Why words are not understood.
     problems: dict[ProblemPlace, list[str]] = field(default_factory=dict)

@@ -18,6 +18,7 @@ from turning_nc.contours import (
 )
 from turning_nc.control import Control, Kind
 from turning_nc.cycles import Box, ContourLines, ContourNames, ThreadSettings
+from turning_nc.modal import COORDINATES
 from turning_nc.passes import (
     Pecking,
     Repeating,
@@ -53,6 +54,9 @@ def run_cycle(control: Control, block: Block, code: int) -> int:
         BlockError: words are missing or contradict each other.
     """
     line = block.line
+    if control.linuxcnc and code <= 75:
+        raise BlockError(f"G{code} of LinuxCNC is not read: write its moves")
+    _check_coordinates(control, line, code)
     if code == 76:
         _thread(control, line)
     elif code in (74, 75):
@@ -74,6 +78,26 @@ def run_cycle(control: Control, block: Block, code: int) -> int:
     else:
         _set_depth(control, line, code)
     return block.index + 1
+
+
+def _check_coordinates(control: Control, line: Line, code: int) -> None:
+    """Refuse coordinates that a cycle of a contour does not have, such as X in G71.
+
+    Raises:
+        BlockError: the block has them.
+    """
+    if code > 73:
+        return
+    taken = {"U", "W"}
+    # Programs of roughing cycles are copied for finishing: controls skip what G70 does not have.
+    if code == 70 and line.first("U", "W", "D"):
+        control.note("U, W and D of G70 are left out: it finishes on the contour itself")
+    elif code in (71, 72) and not line.first("P", "Q"):
+        # The first block holds the depth of the passes alone.
+        taken = {"W"} if code == 72 else {"U"}
+    for word in line.words:
+        if word.address in COORDINATES and word.address not in taken:
+            raise BlockError(f"{word.address}{word.text} has no meaning in this block of G{code}")
 
 
 def end_of_contour(control: Control, block: Block, code: int) -> int:
@@ -249,6 +273,11 @@ def _thread(control: Control, line: Line) -> None:
     if control.linuxcnc:
         _thread_of_linuxcnc(control, line)
         return
+    if line.first("J"):
+        raise BlockError(
+            "G76 with J is that of LinuxCNC: write G7 (X is a diameter) or G8 (a radius) at the "
+            "begin of the program, so that it is read as LinuxCNC's"
+        )
     if not line.first("X", "Z", "U", "W"):
         _set_thread(control, line)
         return
@@ -264,6 +293,8 @@ def _thread(control: Control, line: Line) -> None:
         taper = line.first("I")
         angle = 0.5 * (line.number_of("A") or 0.0)
         settings = ThreadSettings(finishing=0, angle=angle, smallest=0.0, allowance=0.0)
+        if line.first("P", "Q"):
+            control.note("P and Q of G76 in one block, side of infeed and start, are left out")
     lead = line.number_of("F")
     if not (settings and height and first_depth and lead):
         raise BlockError(
@@ -466,7 +497,8 @@ def run_box(control: Control, code: int, line: Line) -> None:
     z = target.z if line.first("Z", "W") else before.end.z
     x = target.x if line.first("X", "U") else before.end.x
     taper = before.taper
-    taper_word = line.first("R")
+    # R, or I and K of Haas and of Fanuc's older format.
+    taper_word = line.first("R", "K" if code == 94 else "I")
     if taper_word:
         taper = control.length(taper_word)
     control.cycle.box = Box(Point(z, x), taper)

@@ -24,7 +24,7 @@ _TERM = rf"(?:R\d+|{NUMBER}|(?:[A-Z]+\s*)?\((?:[^()]|\([^()]*\))*\))"
 
 _CODES_OF_BOTH = {0, 1, 2, 3, 4, 33, 41, 42, 53, 90, 91, 94, 95, 96, 97}
 
-ZERO_OFFSETS = frozenset({*range(54, 60), 154, *range(505, 600)})
+ZERO_OFFSETS = frozenset({*range(54, 60), 54.1, 154, *range(505, 600)})
 """G functions that set a zero offset, of Fanuc and of SINUMERIK."""
 
 CornerKind = Literal["legs", "chord", "radius"]
@@ -123,7 +123,7 @@ FANUC = Dialect(
         {7, 8, 20, 21, 28, 30, 32, 50, 80, 91.1, 92, 98, 99},
         _FANUC_CYCLES,
         # Exact stop, plane, zero offsets and other functions without effect on the path.
-        {9, 18, 22, 23, 25, 26, 40, 43, 49, 61, 64, 67, 69, 103, 154, 187},
+        {9, 18, 22, 23, 25, 26, 40, 43, 49, 54.1, 61, 64, 67, 69, 103, 154, 187},
         range(54, 60),
     ),
     units={20: UnitCode(INCH, with_feeds=True), 21: UnitCode(1.0, with_feeds=True)},
@@ -201,8 +201,9 @@ SINUMERIK = Dialect(
     ),
     # The last group never matches: SINUMERIK has no THEN.
     flow=re.compile(
+        r"(?P<loop>FOR)\s+(?P<counter>R\d+)\s*=(?P<start>.+?)\bTO\b(?P<last>.+)|"
         r"(?:(?P<word>IF|WHILE)\b(?P<condition>.+?))?\s*"
-        r"(?:\b(?P<jump>GOTO[BF]?|ENDWHILE)\b\s*(?P<target>\w*))?(?P<then>(?!))?"
+        r"(?:\b(?P<jump>GOTO[BF]?|ENDWHILE|ENDFOR|ELSE|ENDIF)\b\s*(?P<target>\w*))?(?P<then>(?!))?"
     ),
     addresses=frozenset("NGMTSFXZIKDLP")
     | {"CR", "LIMS", "S1", "M1", "T1", "CHR", "CHF", "RND", "RNDM", "SF", "ANG", "SPOS"},
@@ -211,12 +212,14 @@ SINUMERIK = Dialect(
     | {"TRANS", "ATRANS"}
     # Without effect on the path: acceleration, feed at radii, approach, displays.
     | {"SOFT", "BRISK", "DRIVE", "FFWON", "FFWOF", "CFC", "CFTCP", "CFIN", "COMPOF", "STOPRE"}
-    | {"NORM", "KONT", "G", "MSG", "SETMS", "WORKPIECE", "GROUP_BEGIN", "GROUP_END"},
+    | {"NORM", "KONT", "G", "MSG", "SETMS", "WORKPIECE", "GROUP_BEGIN", "GROUP_END"}
+    # SCC[X] says that the cutting speed counts at X, as it does without it.
+    | {"SCC"},
     codes=_codes(
         _CODES_OF_BOTH,
         {25, 26, 70, 71, 74, 75, 700, 710},
         # Exact stop, plane, zero offsets and continuous path, without effect on the path.
-        {9, 18, 40, 60, 64, 290, 450, 451, 500},
+        {9, 18, 40, 60, 64, 153, 290, 450, 451, 500},
         range(54, 58),
         range(505, 600),
         range(601, 604),
@@ -265,14 +268,77 @@ NOT_READ = {
     "CYCLE83": ", deep drilling: write its moves",
     "CYCLE84": ", tapping: write it as G33",
     "CYCLE840": ", tapping: write it as G33",
+    "CIP": ", an arc through a point: write it as G2 or G3 with CR=",
+    "CT": ", an arc at a tangent: write it as G2 or G3 with CR=",
+    "ROT": ", turned coordinates: write the coordinates of the part",
+    "AROT": ", turned coordinates: write the coordinates of the part",
+    "MIRROR": ", mirrored coordinates: write the coordinates of the part",
+    "AMIRROR": ", mirrored coordinates: write the coordinates of the part",
+    "SCALE": ", scaled coordinates: write the coordinates of the part",
+    "ASCALE": ", scaled coordinates: write the coordinates of the part",
+    "SETAL": ", an alarm: leave it out",
+    "AR": ", the angle of an arc: write its radius, CR=",
+    "RP": ", polar coordinates: write X and Z",
+    "AP": ", polar coordinates: write X and Z",
+    "OFFN": ", a distance from the contour: write the contour",
 }
-"""Cycles of SINUMERIK that are not read: what they do, and what to write in their place."""
+"""Cycles and words of SINUMERIK that are not read: what they do, and what to write instead."""
+
+STATEMENTS = {
+    "DEF": "declares a variable of the user: write an R parameter in its place, such as R1",
+    "EXTERN": "declares a program elsewhere: put it beside this file and call it by name alone",
+    "EXTCALL": "runs a program elsewhere: put it beside this file and call it by name alone",
+    "CALL": "calls a program by a string: write the name alone",
+    "PCALL": "calls a program by its path: put it beside this file and call it by name alone",
+    "MCALL": "repeats a cycle at each move: write the cycle's moves",
+    "FOR": "is read with an R parameter alone: FOR R1=1 TO 5",
+    "LOOP": "has no end: write WHILE or a jump",
+    "ENDLOOP": "has no end: write WHILE or a jump",
+    "REPEAT": "repeats blocks: write WHILE or a jump",
+    "REPEATB": "repeats a block: write WHILE or a jump",
+    "UNTIL": "repeats blocks: write WHILE or a jump",
+    "CASE": "chooses a jump: write IF ... GOTOF",
+}
+"""Statements of SINUMERIK that are not read, by the words with which they begin.
+
+They take the rest of their block.
+"""
+
+NOT_READ_CODES: dict[float, str] = {
+    5: ", a spline or a fast mode: write its moves",
+    10: ", data for the control: set them there, and leave the block out",
+    31: ", a move until a signal: leave it out, or write it as G1",
+    52: ", a shift of the zero point: write the coordinates from one zero point",
+    65: ", a macro call: write the macro's moves, or call it by M98",
+    66: ", a modal macro call: write the macro's moves",
+    87: ", a cycle across the axis: write its moves",
+    112: ", polar coordinates for milling: leave out what mills",
+}
+"""G functions of Fanuc that are not read: what they do, and what to write instead."""
+
+# An index in brackets that says what its word says without it: R[1], and the first spindle's LIMS.
+_NULL_INDEX = re.compile(r"\b(?:(R)\[\s*(\d+)\s*\]|(LIMS)\[\s*1\s*\]|(SCC)\[\s*X\s*\])")
+
+
+def without_null_indices(code: str) -> str:
+    """Return a line of SINUMERIK with R1 for R[1], LIMS for LIMS[1] and SCC for SCC[X].
+
+    All other characters keep their places.
+    """
+
+    def plain(match: re.Match[str]) -> str:
+        word = "".join(group for group in match.groups() if group)
+        return word.ljust(len(match[0]))
+
+    return _NULL_INDEX.sub(plain, code)
+
 
 _SIGNS_OF_SINUMERIK = re.compile(
     r"""
     ^[ \t]*(?:%_N_|;\$PATH) |
     \b(?:CYCLE\d+|MSG)\s*\( |
-    \b(?:LIMS|CR|CHF|CHR|RNDM?|R\d+)\s*= |
+    \b(?:LIMS|CR|CHF|CHR|RNDM?|R\d+|R\[\s*\d+\s*\]|LIMS\[\s*\d+\s*\])\s*= |
+    \bSCC\[ |
     \bT\s*=\s*" |
     \bT\d+[ ]+D\d+\b |
     \b(?:DIAMON|DIAMOF|DIAM90|PROC|RET|M17|G500|G700|G710)\b
@@ -312,12 +378,23 @@ class Foreign:
 
     name: str
     signs: re.Pattern[str]  # words that only this control has
+    statements: re.Pattern[str] | None = None  # its blocks with parentheses, comments elsewhere
     pair: Pair | None = None  # words that only this control has together
     tried: str = "fanuc"  # the dialect that comes nearest
     read: bool = False  # whether that dialect is taken without asking
 
-    def first_sign(self, text: str) -> re.Match[str] | None:
-        """Return the first of its words in a text of capitals, if there is one."""
+    def first_sign(self, text: str, plain: str) -> re.Match[str] | None:
+        """Return the first of its words in a text of capitals, if there is one.
+
+        ``plain`` is the text without comments; it has the same lines.
+        """
+        if self.statements is not None:
+            statement = self.statements.search(text)
+            if statement is not None:
+                return statement
+        return self._first_word(plain)
+
+    def _first_word(self, text: str) -> re.Match[str] | None:
         sign = self.signs.search(text)
         paired = self.pair.search(text) if self.pair else None
         if sign is None or paired is None:
@@ -390,6 +467,35 @@ _MAZAK_EIA = Foreign(
     read=True,
 )
 
+_FAGOR = Foreign(
+    "Fagor or Huazhong (HNC)",
+    _signs(
+        # The name of the program, with its attributes: %SHAFT,MX--,
+        r"^%(?:\d+[ \t\r]*$|[^,\n]{1,60},[ \t]*[MOXHEI-]+[ \t]*(?:,|\r?$)|[^\s,]+,\s*M\w*,)",
+        # Sub-programs and statements of the 8060, 8065 and 8070.
+        r"^%L[ \t]+\w",
+        r"^[ \t]*(?:N\d+[ \t]*)?#(?:RET|CALL|PCALL|MCALL|TIME|WAIT|SCALE|ERROR|EXEC)\b",
+        r"^[ \t]*(?:N\d+[ \t]*)?\$(?:IF|FOR|WHILE|GOTO|ENDIF|ENDFOR|ENDWHILE)\b",
+    ),
+    statements=_signs(
+        r"^[ \t]*(?:N\d+[ \t]*)?\((?:(?:P|M)?CALL|SUB)[ \t]+\d+[ \t]*[,)]",
+        r"^[ \t]*(?:N\d+[ \t]*)?\((?:RET|(?:RPT|GOTO)[ \t]+N\d+[^)\n]*)\)",
+        r"^[ \t]*(?:N\d+[ \t]*)?\(IF[ \t][^)\n]*\bGOTO[ \t]+N\d+[ \t]*\)",
+    ),
+)
+_EMCO = Foreign(
+    "Emco (EMCOTRONIC)",
+    # The parameters of its cycles: G84 X50 Z-30 D3=1000.
+    _signs(r"[\d. \t]D[0-8][ \t]*=[ \t]*[-+]?\d"),
+)
+_SHOPTURN = Foreign(
+    "ShopTurn",
+    _signs(r"(?!)"),
+    # Its steps, such as E_HEAD(...); elsewhere their arguments look like comments.
+    statements=_signs(r"^[ \t]*(?:N\d+[ \t]+)?[EF]_[A-Z][A-Z_0-9]*[ \t]*\("),
+    tried="sinumerik",
+)
+
 # The first control of the list that has a sign in a program is named.
 FOREIGN = (
     _OKUMA,
@@ -397,7 +503,9 @@ FOREIGN = (
     _LINUXCNC_O_WORDS,
     Foreign("Heidenhain", _signs(r"^[ \t]*(?:\d+\s+)?(?:BEGIN PGM|CYCL DEF|TOOL CALL)\b")),
     _OLD_SINUMERIK,
-    Foreign("Fagor or Huazhong (HNC)", _signs(r"^%(?:\d+[ \t\r]*$|[^\s,]+,\s*M\w*,)")),
+    _FAGOR,
+    _EMCO,
+    _SHOPTURN,
     _MAZAK_EIA,
 )
 """Signs of controls that are not read; but those of Mazak (EIA) are close to Fanuc's."""
@@ -413,12 +521,13 @@ def with_line_feeds(text: str) -> str:
 
 def foreign_sign(text: str) -> Sign | None:
     """Return the first word of a program that shows another control, if it has one."""
-    plain = _COMMENT.sub("", with_line_feeds(text).upper())
+    capitals = with_line_feeds(text).upper()
+    plain = _COMMENT.sub("", capitals)
     for control in FOREIGN:
-        match = control.first_sign(plain)
+        match = control.first_sign(capitals, plain)
         if match is None:
             continue
-        lines_before = plain.count("\n", 0, match.start())
+        lines_before = match.string.count("\n", 0, match.start())
         word = " ".join(match[0].split())
         shown = word[:MAX_SIGN]
         reason = f"line {lines_before + 1}: {shown!r} is a word of {control.name}"

@@ -46,7 +46,7 @@ def move(control: Control, line: Line, codes: set[float]) -> None:
             "the drilling cycle before it holds, and would drill here again, which is not "
             "understood: write the cycle again, or G80"
         )
-    if 53 in codes or line.first("SUPA"):
+    if codes & {53, 153} or line.first("SUPA"):
         control.go_home("machine coordinates", line)
         return
     end = control.target(line)

@@ -224,10 +224,11 @@ class Modal:
         """
         others = _MOVING | self.dialect.cycles.keys()
         has_place = self.fanuc and line.first(*COORDINATES)
-        if codes & others or not has_place:
+        # LinuxCNC has no boxes: G90 and G94 are modes there, and G92 sets the zero point.
+        if codes & others or not has_place or self.linuxcnc:
             return None
         stated = codes & self.dialect.boxes.keys()
-        unclear = codes & {90, 91, 92, 94}
+        unclear = codes & {90, 92, 94}
         if unclear and self.dialect is FANUC and not self.system_a:
             raise BlockError(
                 f"G{min(unclear):g} with coordinates but without G0 or G1 is a cycle on some "
@@ -358,10 +359,14 @@ class Modal:
             # M3, M4 and M5, and M13 and M14 with coolant.
             if word.value in (3, 4, 5, 13, 14):
                 self.spindle_on = word.value != 5
-            elif word.value not in _KNOWN_M:
+            elif word.value not in _KNOWN_M and not self._calls_block(word, line):
                 self.note(
                     f"M{word.value:g} is not understood; it is taken as without effect on the path"
                 )
+
+    def _calls_block(self, word: Word, line: Line) -> bool:
+        """Return whether a word is M97 of Haas, which calls the block that P names."""
+        return self.fanuc and word.value == 97 and line.first("P") is not None
 
     # Lengths and coordinates.
 

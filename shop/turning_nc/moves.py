@@ -18,13 +18,14 @@ from turning_nc.blocks import (
     known_words,
     meaningful_words,
     single_words,
+    with_one_mode,
     with_one_motion,
 )
 from turning_nc.control import MAX_BLOCKS, Control, Kind, Move
 from turning_nc.cycles import Side
 from turning_nc.cycles_fanuc import Block, end_of_contour, run_box, run_cycle
 from turning_nc.cycles_sinumerik import run_cycle95, run_cycle97
-from turning_nc.dialects import DIAMETERS, ZERO_OFFSETS
+from turning_nc.dialects import DIAMETERS, STATEMENTS, ZERO_OFFSETS
 from turning_nc.interpolation import MOTIONS, move
 from turning_nc.modal import COORDINATES
 from turning_nc.paths import Path
@@ -206,7 +207,13 @@ class ProgramControl(Control):
 
     def _run_line(self, block: Block) -> int:
         """Run a line; return the index of the next."""
+        statement = self._unread_statement(block.line)
+        if statement:
+            self.refuse(f"{statement} is not read: it {STATEMENTS[statement]}")
+            return block.index + 1
         if block.line.flow is not None:
+            self._refuse_words_before(block.line.flow)
+            self._refuse_pieces(block.line)
             follows = self._after_flow(block.line.flow, block)
             # A program that is refused need not repeat its loops, which may not end now.
             repeats = follows is not None and follows <= block.index
@@ -216,7 +223,28 @@ class ProgramControl(Control):
                 return follows
         return self._run_block(block)
 
+    def _unread_statement(self, line: Line) -> str:
+        """Return the statement of SINUMERIK that a line holds and that is not read, if any."""
+        if self.fanuc:
+            return ""
+        for word in line.words:
+            is_place = word.address == "N" or word.address.endswith(":")
+            if not is_place:
+                is_statement = word.address in STATEMENTS and word.value is None
+                return word.address if is_statement else ""
+        return ""
+
     # Jumps and loops.
+
+    def _refuse_words_before(self, flow: Flow) -> None:
+        """Name the words of a block before its jump or loop, which controls do not take."""
+        before = []
+        for word in flow.before:
+            if word.address != "N" and not word.address.endswith(":"):
+                before.append(f"{word.address}{word.text or word.expression}")
+        if before:
+            behind = flow.word or flow.jump
+            self.refuse(f"{' '.join(before)} before {behind} must be a block of its own")
 
     def _after_flow(self, flow: Flow, block: Block) -> int | None:
         """Return the index of the line that follows a jump, a loop or a false condition.
@@ -225,25 +253,52 @@ class ProgramControl(Control):
 
         Raises:
             BlockError: the condition has no value, the loop is not whole, the jump has no target,
-                or an IF has neither a jump nor THEN.
+                or an IF has neither a jump, nor THEN, nor ENDIF.
         """
-        holds = not flow.condition or bool(evaluated(flow.condition, self.variables))
         places = self.places(block.part)
         following = block.index + 1
+        if flow.jump == "ENDFOR":
+            return self._after_round(places.begin_of_loop(block.index), block)
+        if flow.word == "FOR":
+            self.variables[flow.counter] = self._first_count(flow)
+        holds = not flow.condition or bool(evaluated(flow.condition, self.variables))
         if flow.jump in ("END", "ENDWHILE"):
             return places.begin_of_loop(block.index)
-        # Fanuc begins a loop with WHILE [...] DO or DO alone, SINUMERIK with WHILE.
-        if flow.word == "WHILE" or flow.jump == "DO":
+        # Fanuc begins a loop with WHILE [...] DO or DO alone, SINUMERIK with WHILE or FOR.
+        if flow.word in ("WHILE", "FOR") or flow.jump == "DO":
             end = places.end_of_loop(block.index)
             return following if holds else end + 1
 
+        if flow.jump == "ENDIF":
+            return following
+        # A branch that has been run goes on behind ENDIF.
+        if flow.jump == "ELSE":
+            return places.end_of_branch(block.index) + 1
         if not flow.jump and not flow.then:
-            raise BlockError("IF is understood with a jump to a block alone, such as GOTO")
+            end = places.end_of_branch(block.index)
+            return following if holds else end + 1
         if not holds:
             return following
         if flow.jump:
             return self._target_of_jump(flow, places, following)
         return None
+
+    def _first_count(self, flow: Flow) -> float:
+        """Return the first value of a FOR loop's counter."""
+        first = evaluated(flow.start, self.variables)
+        if first != round(first):
+            raise BlockError(f"FOR counts from {first:g}, but must count from a whole number")
+        return first
+
+    def _after_round(self, begin: int, block: Block) -> int:
+        """Count up a FOR loop at its end; return the index of the line that follows."""
+        flow = self.program.parts[block.part][begin].flow
+        assert flow is not None
+        if flow.counter not in self.variables:
+            raise BlockError("the FOR of this loop was not run")
+        self.variables[flow.counter] += 1.0
+        goes_on = bool(evaluated(flow.condition, self.variables))
+        return begin + 1 if goes_on else block.index + 1
 
     def _target_of_jump(self, flow: Flow, places: Places, following: int) -> int:
         """Return the index of the line to which a block jumps.
@@ -298,7 +353,7 @@ class ProgramControl(Control):
         # G28 V0 alone moves an axis that does not turn, but G28 alone moves X and Z.
         other_axes = line.first(*NULL_AXES, "H") and not line.first(*COORDINATES)
         line = known_words(self, single_words(self, line))
-        line = with_one_motion(self, line)
+        line = with_one_mode(self, with_one_motion(self, line))
         codes = line.codes
         box = None
         with self.naming_problems():
@@ -322,13 +377,17 @@ class ProgramControl(Control):
                 follows = run_cycle(self, block, cycle)
             elif not (codes & self.dialect.references and other_axes):
                 self._move(block, codes)
-        self._call_sub_programs(line)
+        self._call_sub_programs(line, block.part)
         return follows
 
     def _refuse_pieces(self, line: Line) -> None:
         """Name the pieces of a line that are no words."""
         for piece in line.unknown:
-            hint = ": the decimal sign is a point" if re.search(r"\d,\d", piece) else ""
+            hint = ""
+            if re.search(r"\d,\d", piece):
+                hint = ": the decimal sign is a point"
+            elif not self.fanuc and re.match(r"\w+\[", piece):
+                hint = ": an index in brackets is read as a number alone, such as R[1]"
             self.refuse(f"{piece[:40]!r} is no word{hint}")
 
     def _without_variables(self, line: Line) -> Line:
@@ -369,7 +428,7 @@ class ProgramControl(Control):
     def _note_zero_offsets(self, line: Line, codes: set[float]) -> None:
         """Note that a program changes its zero offset after a move."""
         for code in codes & ZERO_OFFSETS:
-            number = line.number_of("P") if code == 154 else None
+            number = line.number_of("P")
             name = f"G{code:g}" if number is None else f"G{code:g} P{number:g}"
             if self.zero_offset not in ("", name) and self.has_moved:
                 self.note(
@@ -398,10 +457,8 @@ class ProgramControl(Control):
     def _move(self, block: Block, codes: set[float]) -> None:
         """Run a block's move, its cycle of SINUMERIK or its shift of the zero point."""
         line = block.line
-        if line.first("TRANS", "ATRANS"):
-            if self.has_moved:
-                raise BlockError("TRANS after the first move is not understood")
-            self.note("TRANS before the first move is taken as part of the zero offset")
+        if shift := line.first("TRANS", "ATRANS"):
+            self._shift(shift.address, line)
         elif codes & self.dialect.references:
             # G28 of a Fanuc goes by way of its coordinates; G74 of SINUMERIK only names its axes.
             if self.fanuc:
@@ -414,9 +471,29 @@ class ProgramControl(Control):
         elif not codes & self.dialect.spindle_limits:
             move(self, line, codes)
 
+    def _shift(self, name: str, line: Line) -> None:
+        """Take TRANS or ATRANS as part of the zero offset before the first move.
+
+        Raises:
+            BlockError: it shifts along X, or after the first move.
+        """
+        shifts = any(word.value for word in line.words if word.address in COORDINATES)
+        if not shifts and not self.is_shifted:
+            self.note(f"{name} without a shift has no effect")
+            return
+        if self.has_moved:
+            raise BlockError(
+                f"{name} after the first move is not understood: "
+                "write the coordinates from one zero point"
+            )
+        if line.number_of("X"):
+            raise BlockError(f"{name} along X, which would shift the axis, is not understood")
+        self.is_shifted = shifts
+        self.note(f"{name} before the first move is taken as part of the zero offset")
+
     # Ends and calls.
 
-    def _call_sub_programs(self, line: Line) -> None:
+    def _call_sub_programs(self, line: Line, part: str) -> None:
         """End the program or the part, or call sub-programs, if the block says so."""
         codes = {word.value for word in line.words if word.address in ("M", "M1")}
         if codes & {2, 30}:
@@ -430,6 +507,8 @@ class ProgramControl(Control):
             self._call_by_name(line)
         elif 98 in codes:
             self._call_by_number(line)
+        elif 97 in codes and line.first("P"):
+            self._call_block(line, part)
 
     def _call_by_number(self, line: Line) -> None:
         """Call a sub-program of Fanuc: M98 P0007 L3, or M98 P30007 for three times O7."""
@@ -448,6 +527,18 @@ class ProgramControl(Control):
             repeats = line.number_of("L")
         self._call(str(int(name)), repeats)
 
+    def _call_block(self, line: Line, part: str) -> None:
+        """Call a sub-program within this part, as Haas does: M97 P100 L2 runs N100 to M99."""
+        number = line.number_of("P") or 0.0
+        places = self.places(part)
+        first = places.block(number, places.lines)
+        if first is None:
+            raise BlockError(f"M97 calls N{number:g}, which is not in this part of the program")
+        times = self._times(line.number_of("L"))
+        with self.deeper():
+            for _ in range(times):
+                self.run_lines(part, first)
+
     def _call_by_name(self, line: Line) -> None:
         """Call sub-programs of SINUMERIK: L7 P3, or their names."""
         for word in line.words:
@@ -457,16 +548,21 @@ class ProgramControl(Control):
                 self._call(word.address, line.number_of("P"))
 
     def _call(self, name: str, times: float | None) -> None:
-        count = 1 if times is None else int(times)
         if name not in self.program.parts or name == self.program.main:
             raise BlockError(
                 f"the sub-program {name} is neither in this file nor in one of its name beside it; "
                 f"the sub-programs here are {self.program.sub_programs}"
             )
+        count = self._times(times)
+        with self.deeper():
+            for _ in range(count):
+                self.run_lines(name)
+
+    def _times(self, times: float | None) -> int:
+        """Return how often a sub-program is called."""
+        count = 1 if times is None else int(times)
         if not 0 < count <= MAX_TIMES:
             raise BlockError(
                 f"a sub-program is called {count} times, but must be called 1 to {MAX_TIMES} times"
             )
-        with self.deeper():
-            for _ in range(count):
-                self.run_lines(name)
+        return count

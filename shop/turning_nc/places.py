@@ -29,6 +29,7 @@ class Places:
                     self._labels[label].append(index)
         self._ends = _ends_of_loops(lines)
         self._begins = {end: begin for begin, end in self._ends.items()}
+        self._branches = _ends_of_branches(lines)
 
     def block(self, number: float, within: range) -> int | None:
         """Return the first line whose block has a number; None if there is none."""
@@ -45,6 +46,12 @@ class Places:
     def end_of_loop(self, begin: int) -> int:
         """Return the line at which the loop ends that begins in a line."""
         return _other_end(self._ends, begin)
+
+    def end_of_branch(self, begin: int) -> int:
+        """Return the line of ELSE or ENDIF at which the branch ends that begins in a line."""
+        if begin not in self._branches:
+            raise BlockError("IF needs a jump to a block, such as GOTO, or ELSE and ENDIF after it")
+        return self._branches[begin]
 
 
 def _first_within(indices: list[int], within: range) -> int | None:
@@ -69,11 +76,31 @@ def _ends_of_loops(lines: Sequence[Line]) -> dict[int, int]:
         flow = line.flow
         if flow is None:
             continue
-        # Fanuc numbers its loops, from WHILE [...] DO1 to END1. SINUMERIK's end with ENDWHILE.
+        # Fanuc numbers its loops, from WHILE [...] DO1 to END1. SINUMERIK's end with
+        # ENDWHILE or ENDFOR.
         if "END" in flow.jump:
-            if opened.get(flow.target):
-                begin = opened[flow.target].pop()
+            name = "FOR" if flow.jump == "ENDFOR" else flow.target
+            if opened.get(name):
+                begin = opened[name].pop()
                 ends[begin] = index
+        elif flow.word == "FOR":
+            opened.setdefault("FOR", []).append(index)
         elif flow.word == "WHILE" or flow.jump == "DO":
             opened.setdefault(flow.target, []).append(index)
+    return ends
+
+
+def _ends_of_branches(lines: Sequence[Line]) -> dict[int, int]:
+    """Return the lines of ELSE and ENDIF by the IF or ELSE whose branch they end."""
+    ends: dict[int, int] = {}
+    opened: list[int] = []
+    for index, line in enumerate(lines):
+        flow = line.flow
+        if flow is None:
+            continue
+        if flow.jump in ("ELSE", "ENDIF") and opened:
+            ends[opened.pop()] = index
+        begins = flow.word == "IF" and not flow.jump and not flow.then
+        if begins or flow.jump == "ELSE":
+            opened.append(index)
     return ends

@@ -14,7 +14,14 @@ from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
 
-from turning_nc.dialects import NUMBER, Dialect, dialect_of, foreign_sign, with_line_feeds
+from turning_nc.dialects import (
+    NUMBER,
+    Dialect,
+    dialect_of,
+    foreign_sign,
+    with_line_feeds,
+    without_null_indices,
+)
 from turning_nc.expression import MAX_SHOWN, parse
 
 from turning_env.console import UserError
@@ -190,11 +197,14 @@ class Flow(NamedTuple):
     a target alone.
     """
 
-    word: str  # IF or WHILE
+    word: str  # IF, WHILE or FOR
     condition: str
     jump: str  # GOTO, GOTOF, GOTOB, DO, END or ENDWHILE
     target: str  # label or number of the block or the loop
     then: str  # words after THEN
+    counter: str = ""  # parameter that FOR counts up
+    start: str = ""  # its first value
+    before: tuple["Word", ...] = ()  # words of the block before it
 
 
 @dataclass(frozen=True)
@@ -301,10 +311,19 @@ def divide(text: str, dialect: Dialect | None = None) -> PartProgram:
         if code.strip():
             parts[part].append(_line(number, code, offset=offset, dialect=dialect))
         offset += len(whole) + 1
+    # Numbers of blocks alone before the program's own begin are no program.
+    if len(parts) > 1 and not any(_says_something(line) for line in parts[""]):
+        parts[""] = []
     filled = {name: tuple(lines) for name, lines in parts.items() if lines}
     if not filled:
         raise NcError("holds no blocks: it is empty, or all of it is comment")
     return PartProgram(text, dialect, parts=filled, notes=_notes_on_comments(raw, dialect))
+
+
+def _says_something(line: Line) -> bool:
+    """Return whether a line holds more than the number of its block."""
+    has_words = any(word.address != "N" for word in line.words)
+    return has_words or bool(line.unknown) or line.flow is not None
 
 
 def _notes_on_comments(raw: Iterable[str], dialect: Dialect) -> tuple[str, ...]:
@@ -361,7 +380,8 @@ def _without_comments(line: str, dialect: Dialect) -> str:
         string_ = match[1] if match.re.groups else None
         return string_ or " " * len(match[0])
 
-    return dialect.comment.sub(replaced, line).replace("\t", " ")
+    code = dialect.comment.sub(replaced, line).replace("\t", " ")
+    return code if dialect.system else without_null_indices(code)
 
 
 class _Header(NamedTuple):
@@ -411,7 +431,7 @@ def _line(number: int, code: str, offset: int, dialect: Dialect) -> Line:
         flow_match = None if flow else dialect.flow.fullmatch(code, place, end)
         word_match = None if flow_match else dialect.word.match(code, place)
         if flow_match:
-            flow = _flow(flow_match)
+            flow = _flow(flow_match)._replace(before=tuple(words))
             place = flow_match.start("then") if flow.then else end
         elif word_match:
             words.append(_word(word_match, offset))
@@ -441,6 +461,19 @@ def _line(number: int, code: str, offset: int, dialect: Dialect) -> Line:
 
 def _flow(match: re.Match[str]) -> Flow:
     """Return the jump, loop or condition of a match."""
+    groups = match.groupdict()
+    if groups.get("loop"):
+        counter = groups["counter"]
+        last = _without_blanks(groups["last"])
+        return Flow(
+            word="FOR",
+            condition=f"{counter}<={last}",
+            jump="",
+            target="",
+            then="",
+            counter=counter,
+            start=_without_blanks(groups["start"]),
+        )
     return Flow(
         word=match["word"] or "",
         condition=_without_blanks(match["condition"] or ""),

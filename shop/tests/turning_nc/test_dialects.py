@@ -353,6 +353,18 @@ OTHERS = {
     ],
     "Heidenhain": ["0 BEGIN PGM WELLE MM"],
     "Mazatrol": ["PNO. 3"],
+    "Fagor": [
+        "%SHAFT,MX--,",
+        "%SHAFT 12 ,MX--",
+        "%L BORE",
+        "#RET",
+        "N20 (RPT N10,N20)",
+        "(PCALL 5, P1=3)",
+        "(IF P1 GT 3 GOTO N10)",
+        "$IF P1 > 3",
+    ],
+    "Emco": ["G84 X50. Z-30. D3=1000", "N10 G86 X40 Z-12 D5=3 F0.1"],
+    "ShopTurn": ['N5 E_HEAD(0,100,0,"A")', "E_STOCK_R(1)"],
 }
 
 
@@ -399,6 +411,8 @@ def test_programs_of_mazak_are_read_as_fanucs_with_a_note(sign: str) -> None:
         "G3 X60. Z-5. I0. K-2. B0",
         "G58",
         "N5 G71 U2. R1.",
+        "(CALL THE SETTER)",
+        "(IF THE BAR IS LONG GOTO THE NEXT)",
     ],
 )
 def test_words_of_fanuc_show_no_other_control(line: str) -> None:
@@ -614,3 +628,38 @@ def test_machine_axes_go_to_their_reference_points() -> None:
     assert moves(text).moves[-1].kind == "rapid"
     with pytest.raises(NcError, match="X1= is not understood"):
         moves(text.replace("G75", "G1"))
+
+
+@pytest.mark.parametrize("line", ["N5", "N5 (FIRST OP)"])
+def test_numbers_before_the_begin_of_a_program_are_no_program(line: str) -> None:
+    assert cuts(f"%\n{line}\nO0001\n{BAR}{CUT}%\n") == [(2.0, 56.0), (-40.0, 56.0)]
+
+
+@pytest.mark.parametrize(
+    ("text", "modes"),
+    [
+        (f"{BAR}G90 G91 G1 X56. F0.2", "G90 and G91"),
+        (f"{BAR}G98 G99\n{CUT}", "G98 and G99"),
+        (f"{BAR}G96 G97 S100\n{CUT}", "G96 and G97"),
+        (f"{BAR}G20 G21\n{CUT}", "G20 and G21"),
+        (f"{BAR}G41 G40 {CUT}", "G40 and G41"),
+        (DREHEN.replace("G71", "G70 G71"), "G70 and G71"),
+    ],
+)
+def test_modes_that_contradict_each_other_are_named(text: str, modes: str) -> None:
+    with pytest.raises(NcError, match=f"{modes} exclude each other"):
+        moves(text)
+
+
+def test_coordinates_beside_the_modes_of_linuxcnc_are_moves() -> None:
+    head = "G7 G21 G95 G97\nM3 S800 F0.2\nG0 X62 Z2\nG1 X56\n"
+    assert cuts(f"{head}G91 Z-5\nG94 Z-5 F160\nG90 X60")[1:] == [
+        (-3.0, 56.0),
+        (-8.0, 56.0),
+        (-8.0, 60.0),
+    ]
+
+
+def test_increments_beside_coordinates_are_no_box() -> None:
+    text = f"G95\n{BAR.replace(' G99', '')}G1 X56. F0.2\nG91 Z-5.\nG90\nG1 X60.\n"
+    assert cuts(text) == [(2.0, 56.0), (-3.0, 56.0), (-3.0, 60.0)]

@@ -76,8 +76,81 @@ def test_zero_offsets_of_haas_and_a_null_shift_are_read() -> None:
     made = moves(f"{BAR}G154 P12\nG52 X0. Z0.\nG187 P1\nG1 X56. F0.2\nG154 P13\nZ-20.")
     assert made.moves[-1].path.end == (-20.0, 28.0)
     assert any("G154 P13 after G154 P12" in note for note in made.notes)
-    with pytest.raises(NcError, match="G52 is not understood"):
+    with pytest.raises(NcError, match="G52 is not understood, a shift of the zero point"):
         moves(f"{BAR}G52 Z5.\nG1 X56. F0.2")
+
+
+@pytest.mark.parametrize("offset", ["G54.1 P3", "G54 P3", "G154 P3", "G187 P3 E0.01", "G187"])
+def test_zero_offsets_with_a_number_and_smoothness_change_no_move(offset: str) -> None:
+    made = fed(f"{BAR}{offset}\nG1 X56. F0.2\nZ-20.")
+    assert [move.path.end for move in made] == [(2.0, 28.0), (-20.0, 28.0)]
+
+
+LOCAL = f"{BAR}G1 X56. F0.2\nM97 P100{{times}}\nG1 X58.\nM30\nN100 G1 W-4.\nM99\n"
+
+
+@pytest.mark.parametrize(("times", "z"), [("", -2.0), (" L3", -10.0)])
+def test_m97_of_haas_runs_a_block_and_those_behind_it(times: str, z: float) -> None:
+    made = moves(LOCAL.format(times=times))
+    assert made.moves[-1].path.end == (z, 29.0)
+    assert not any("M97" in note for note in made.notes)
+
+
+def test_m97_names_a_block_that_is_not_there() -> None:
+    with pytest.raises(NcError, match="line 5: M97 calls N100, which is not in this part"):
+        moves(LOCAL.format(times="").replace("N100 ", ""))
+
+
+@pytest.mark.parametrize(
+    ("block", "reason"),
+    [
+        pytest.param("M99 P50", "M99 returns behind its call", id="M99 P"),
+        pytest.param("G1 Z-5. K2.", "write ,C for a chamfer", id="chamfer by K"),
+        pytest.param("G76 P1.5 Z-20. I-2. J.2 K.9", "G7 .* or G8", id="LinuxCNC's thread"),
+        pytest.param("G7\nG71 Q100 X40. Z3. D.5", "G71 of LinuxCNC is not read", id="its G71"),
+        pytest.param("G65 P9100 A1.", "a macro call: write the macro's moves", id="macro"),
+        pytest.param(
+            "G1 X50. GOTO 10\nN10",
+            "G1 X50. before GOTO must be a block of its own",
+            id="move and jump",
+        ),
+    ],
+)
+def test_words_that_are_not_read_say_what_to_write(block: str, reason: str) -> None:
+    with pytest.raises(NcError, match=reason):
+        moves(f"{BAR}G1 X56. F0.2\n{block}\nZ-20.\nM30")
+
+
+CONTOUR = "N1 G0 X40.\nG1 Z-30. F0.2\nN2 X62.\nM30\n"
+
+
+@pytest.mark.parametrize(
+    ("cycle", "word"),
+    [
+        ("G71 U2. R1. X50.\nG71 P1 Q2 U0.4 W0.1", "X50."),
+        ("G71 U2. R1. W0.1\nG71 P1 Q2 U0.4 W0.1", "W0.1"),
+        ("G71 U2. R1. Q7\nG71 P1 Q2 U0.4 W0.1", "Q7"),
+        ("G71 U2. R1.\nG71 P1 Q2 U0.4 W0.1 R1.", "R1."),
+    ],
+)
+def test_words_that_a_cycle_does_not_use_are_named(cycle: str, word: str) -> None:
+    with pytest.raises(NcError, match=rf"{word} has no meaning in this block"):
+        moves(f"{BAR}{cycle}\n{CONTOUR}")
+
+
+def test_words_of_roughing_do_not_change_finishing() -> None:
+    text = f"{BAR}G71 U2. R1.\nG71 P1 Q2 U0.4 W0.1 F0.2\n{CONTOUR.replace('M30', 'G70 P1 Q2')}"
+    made = moves(text.replace("G70 P1 Q2", "G70 P1 Q2 U0.4 W0.1 D1."))
+    ends = [move.path.end for move in moves(text).moves]
+    assert [move.path.end for move in made.moves] == ends
+    assert any("U, W and D of G70 are left out" in note for note in made.notes)
+
+
+def test_i_of_haas_is_the_taper_of_a_box() -> None:
+    ends = [move.path.end for move in fed(f"{BAR}G90 X50. Z-40. I-2. F0.25")]
+    assert ends == [move.path.end for move in fed(f"{BAR}G90 X50. Z-40. R-2. F0.25")]
+    faced = [move.path.end for move in fed(f"{BAR}G94 X50. Z-4. K-1. F0.25")]
+    assert faced == [move.path.end for move in fed(f"{BAR}G94 X50. Z-4. R-1. F0.25")]
 
 
 PULLER = "G21 G98\nT0909\nG0 X0. Z5.\nG1 Z1. F500\nG4 P500\nG1 Z40. F2000\nG0 Z60.\n"
