@@ -3,16 +3,16 @@
     python -m train.simulator_gradient --env RoughTurning-Family-v1 --seed 0
 
 The agent has a memory (a GRU) and sees observations only. Its teacher is the simulator: before
-every step, copies of the lathe try a slightly higher and lower speed and feed, and the difference of
+every step, copies of the lathe try a slightly higher and lower speed and feed. The difference of
 what they are charged is the gradient of the step's cost with respect to the agent's set point
 (``train/simulator_teacher.py``). Backpropagation carries it through the agent's memory to its
 observations. There is no value function: the price of the edge's life stands for what comes later.
 The agent that plays is an average over the updates.
 
 The same command resumes an interrupted training, and does nothing if training is finished. Files:
-see ``train/training.py``. (Policy gradients by finite differences of a simulator: Mania et al. 2018,
-arXiv 1803.07055, perturb parameters instead of actions; averages over updates: Polyak and Juditsky
-1992, doi 10.1137/0330046; GRU: Cho et al. 2014, arXiv 1406.1078.)
+see ``train/training.py``. (Gradients of a simulator: Freeman et al. 2021, arXiv 2106.13281; averages
+over updates: Polyak and Juditsky 1992, doi 10.1137/0330046; GRU: Cho et al. 2014, arXiv
+1406.1078.)
 """
 
 import sys

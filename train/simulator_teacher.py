@@ -1,4 +1,4 @@
-"""The teacher of the simulator-gradient agent: what a step's charged cost does if its action varies.
+"""The teacher of the simulator-gradient agent: how the charged cost of a step follows its action.
 
 The tool must travel all bars, and metal is paid by volume. So a policy can only gain by reducing
 its cost per distance:
@@ -27,15 +27,16 @@ from numpy.typing import NDArray
 
 from baselines.models.normal import probability
 from train.model_gain import prices_of
-from turning_env import Scenario
+from turning_env import FamilyVectorEnv, Scenario
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 from turning_env.batch.driver import Trials
 from turning_env.numerics.functions import log
 from turning_env.physics.quantities import ROW
-from turning_env.scenario.laws import edge_price
 
 Array = NDArray[np.float64]
 
+SPEED, FEED = range(2)
+"""Columns of a gradient, and rows of ``Charge.log_commands``."""
 LOG_PROBE = 0.01
 """Change of the logarithm of speed or feed in a copy, to either side."""
 OVERRIDE_PROBE = 0.01
@@ -147,39 +148,43 @@ class TrialVecEnv(RoughTurningVecEnv):
     def reset(self) -> NDArray[np.float32]:
         """Return first observations; see ``RoughTurningVecEnv.reset``."""
         observations = super().reset()
-        self._jobs = np.zeros(self.num_envs, JOB)
+        self._jobs = np.array([self._present_job(i) for i in range(self.num_envs)])
         self._known_jobs: dict[int, NDArray[np.void]] = {}
-        self._take_jobs(range(self.num_envs))
         self._used_life = np.zeros(self.num_envs)
         self._borne_force = np.zeros(self.num_envs)
         return observations
 
-    def _take_jobs(self, env_indices: Any) -> None:
-        """Take the prices of the jobs that environments play."""
-        if not hasattr(self.vector_env.unwrapped, "job"):
-            if not self._known_jobs:
-                self._known_jobs[0] = job_of(self._wrapper_attr("scenario"))
-            self._jobs[:] = self._known_jobs[0]
-            return
-        for env_index in env_indices:
-            job = self.vector_env.unwrapped.job(env_index)
-            if job.index not in self._known_jobs:
-                self._known_jobs[job.index] = job_of(job.scenario)
-            self._jobs[env_index] = self._known_jobs[job.index]
+    def _present_job(self, env_index: int) -> NDArray[np.void]:
+        """Return the prices of the job that an environment plays."""
+        envs = self.vector_env.unwrapped
+        if isinstance(envs, FamilyVectorEnv):
+            return job_of(envs.job(env_index).scenario)
+        return job_of(envs.scenario)
 
     def training_rewards(self, rewards: Array, infos: dict[str, Any]) -> Array:
         """Keep the highest force of each edge, and return the rewards unchanged."""
+        # Of the next episode, where one has ended.
         used_life = infos["used_life"]
-        # The next episode's, where one has ended; that of the last one stays as its first job's.
         force = infos["thrust_force"]
         is_fresh = used_life < self._used_life
         if "final_info" in infos:
             ended = infos["_final_info"]
             is_fresh = is_fresh | ended
-            self._take_jobs(np.flatnonzero(ended).tolist())
+            self._take_jobs(np.flatnonzero(ended).tolist(), infos)
         self._borne_force = np.where(is_fresh, force, np.maximum(self._borne_force, force))
         self._used_life = used_life.copy()
         return rewards
+
+    def _take_jobs(self, env_indices: list[int], infos: dict[str, Any]) -> None:
+        """Take the prices of the jobs that environments begin."""
+        if "job" not in infos:
+            return  # a single scenario
+        for env_index in env_indices:
+            number = int(infos["job"][env_index])
+            # To make a job takes some milliseconds.
+            if number not in self._known_jobs:
+                self._known_jobs[number] = self._present_job(env_index)
+            self._jobs[env_index] = self._known_jobs[number]
 
     def lesson(self, actions: NDArray[np.float32]) -> Lesson:
         """Return what the simulator teaches about a step with some actions.
@@ -283,10 +288,6 @@ class TrialVecEnv(RoughTurningVecEnv):
         job = self._jobs
         log_load = log(np.maximum(force / job["strength"], MIN_FORCE))
         return np.asarray(probability(log_load / job["strength_spread"]).below)
-
-
-SPEED, FEED = range(2)
-"""Columns of a gradient, and rows of ``Charge.log_commands``."""
 
 
 def _moved(actions: Array, entry: int, change: float) -> Array:
