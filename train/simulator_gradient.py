@@ -10,8 +10,8 @@ observations. There is no value function: the price of the edge's life stands fo
 The agent that plays is an average over the updates.
 
 The same command resumes an interrupted training, and does nothing if training is finished. Files:
-see ``train/training.py``. (Gradients of a simulator: Freeman et al. 2021, arXiv 2106.13281; averages
-over updates: Polyak and Juditsky 1992, doi 10.1137/0330046; GRU: Cho et al. 2014, arXiv
+see ``train/training.py``. (Gradients of a simulator: Freeman et al. 2021, arXiv 2106.13281;
+averages over updates: Polyak and Juditsky 1992, doi 10.1137/0330046; GRU: Cho et al. 2014, arXiv
 1406.1078.)
 """
 
