@@ -21,6 +21,8 @@ TRAINING_INPUTS = {
     "rewards": "the return that it maximises, step by step",
     "overload share": "the share of severe overload and its allowance, in place of its price",
     "model gradients": "gradients of the true laws, limits and drive lags",
+    "simulator gradients": "gradients of the charged cost, by copies of the simulated lathe that "
+    "take the step with other speeds and feeds",
     "true states": "hidden depth of cut, hardness and wear after each step",
     "life price": "the price of edge life by dynamic programming, in place of the flat charge",
     "spreads": "how much hardness and depth of cut vary",

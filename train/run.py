@@ -28,6 +28,7 @@ ALGORITHMS = (
     "ppo",
     "recurrent_ppo",
     "sac",
+    "simulator_gradient",
     "tqc",
 )
 """Names of the algorithms: each has a Python file of this name, which declares ``ALGORITHM``."""

@@ -12,7 +12,14 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from turning_env.batch.driver import Batch, Jobs, action_space, checked_seed, observation_space
+from turning_env.batch.driver import (
+    Batch,
+    Jobs,
+    Trials,
+    action_space,
+    checked_seed,
+    observation_space,
+)
 from turning_env.env import BaseEnv, check_options
 from turning_env.info import INFO_KEYS, info_of
 from turning_env.scenario import Source
@@ -135,6 +142,10 @@ class RoughTurningVectorEnv(BaseEnv, VectorEnv[NDArray[np.float32], NDArray[np.f
         infos = self._infos(batch.table) | final
         # A copy, because a later reset of some environments returns the others' observations again.
         return batch.observations.copy(), rewards, terminated, truncated, infos
+
+    def trials(self) -> Trials:
+        """Return trials of the next step, which do not move the environments."""
+        return Trials(self._batch)
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
         """Return a frame of each rendered environment: uint8, shape (640, 960, 3)."""

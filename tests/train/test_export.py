@@ -369,7 +369,9 @@ CHANGES: dict[str, dict[str, object]] = {"ppo": {"position": True, "frames": 3}}
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["ppo", "sac", "recurrent_ppo", "analytic_gradient"])
+@pytest.mark.parametrize(
+    "name", ["ppo", "sac", "recurrent_ppo", "analytic_gradient", "simulator_gradient"]
+)
 def test_runs_of_every_network_can_be_exported(
     name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -435,3 +435,55 @@ class Batch:
         if not self._single:
             self.observations = observations
             self.table = table[:, : self.num_envs]
+
+
+class Trials:
+    """Steps that a batch could take next. The batch itself does not move.
+
+        trials.begin()
+        trials.set_state("tangle_margin", 1e3)  # no chips tangle in the copies
+        trials.step(actions)
+        trials.table[ROW.reward]
+
+    All randomness is keyed, so a trial meets the bars, edges and noise of the batch's own next
+    step, and with the same actions it is that step.
+
+    Args:
+        batch: the batch. No episode of it has ended when a trial begins.
+
+    Attributes:
+        table: the report of the last trial, shape (len(quantities.REPORT), num_envs).
+    """
+
+    def __init__(self, batch: Batch) -> None:
+        self._batch = batch
+        self._states = new_records(STATE, len(batch._states))
+        self._scratches = new_records(SCRATCH, 1)
+        self._observations = np.empty(batch.observations.shape, np.float32)
+        self._table = np.empty(batch._table_shape)
+        self.table: Array64 = self._table[:, : batch.num_envs]
+
+    def begin(self) -> None:
+        """Copy the states of the batch."""
+        self._states[...] = self._batch._states
+
+    def state(self, name: str) -> NDArray[Any]:
+        """Return a quantity of the copied states (``quantities.STATE``), shape (num_envs,)."""
+        values: NDArray[Any] = self._states[name].ravel()
+        return values[: self._batch.num_envs]
+
+    def set_state(self, name: str, value: float) -> None:
+        """Set a quantity of the copied states to one value in all environments."""
+        self._states[name] = value
+
+    def step(self, actions: Array64) -> None:
+        """Run one step of the copied states with finite actions, shape (num_envs, action size)."""
+        batch = self._batch
+        step_blocks(
+            self._states,
+            batch._parameters,
+            self._scratches,
+            actions,
+            self._observations,
+            self._table,
+        )

@@ -1,0 +1,82 @@
+"""An agent learns from the simulator's lessons, and its training resumes."""
+
+import io
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from leaderboard.agents import onnx_policy
+from leaderboard.agents.agent_file import informed
+from leaderboard.inputs import class_of
+from leaderboard.play import play, play_family
+from leaderboard.seeds import tuning_seeds
+from tests.train.small import Interruption, small_run
+from tests.train.test_dagger import FAMILY
+from tests.turning_env.test_family_env import BRIEF
+from train import export
+from train.run import Run
+from train.simulator_gradient import ALGORITHM, edge_change_gain
+from train.training import VALIDATION, load_agent, play_agent, train
+from turning_env import FAMILY_ID, Family, Scenario
+
+BASE = Scenario.load("rough_turning")
+
+
+@pytest.mark.slow
+def test_lessons_teach_an_agent_in_seconds(tmp_path: Path) -> None:
+    settings = {"total_timesteps": 60_000, "num_envs": 64, "batch_envs": 16, "cells": 32}
+    settings |= {"learning_rate": 2e-3, "average_decay": 0.9}
+    run = Run.plan(ALGORITHM.name, "RoughTurning-v0", BASE, 3, tmp_path, "a command", settings)
+    train(run, ALGORITHM)
+    agent = informed(load_agent(run.folder), BASE)
+    returns = play(agent, BASE, tuning_seeds(8))["return"]
+    assert returns.mean() > -2000.0  # untrained agents return -2800
+
+
+@pytest.mark.slow
+def test_an_interrupted_training_on_jobs_gives_the_same_agent(tmp_path: Path) -> None:
+    whole = small_run(ALGORITHM, tmp_path / "whole", FAMILY, FAMILY_ID)
+    cut = small_run(ALGORITHM, tmp_path / "cut", FAMILY, FAMILY_ID)
+    train(whole, ALGORITHM, checkpoint_every=256)
+    interrupting = replace(ALGORITHM, callbacks=lambda run: [Interruption(550)])
+    with pytest.raises(KeyboardInterrupt):
+        train(cut, interrupting, checkpoint_every=256)
+    assert cut.checkpoint.exists()
+    train(cut, ALGORITHM, checkpoint_every=256)
+    assert _weights(whole) == _weights(cut)
+
+
+def _weights(run: Run) -> bytes:
+    """Return the weights of a finished training as bytes."""
+    stream = io.BytesIO()
+    model = ALGORITHM.model.load(run.policy, device="cpu")
+    torch.save(model.get_parameters(), stream)
+    return stream.getvalue()
+
+
+@pytest.mark.slow
+def test_an_agent_of_jobs_has_a_file_that_plays_alike_and_states_its_training(
+    tmp_path: Path,
+) -> None:
+    # Of short episodes, because all of them are played twice, step by step.
+    family = Family.model_validate(BRIEF | {"held_out_jobs": 3})
+    run = small_run(ALGORITHM, tmp_path, family, FAMILY_ID)
+    train(run, ALGORITHM)
+    assert export.main([str(run.folder), "--out", str(tmp_path)]) == 0
+    agent = onnx_policy.load(next(tmp_path.glob("*.onnx")))
+    assert class_of(agent) == "privileged agent"
+    seeds = range(3)
+    make = informed(agent, [family.job(seed, VALIDATION).scenario for seed in seeds])
+    returns = play_family(family, VALIDATION, seeds, make)["return"]
+    np.testing.assert_allclose(returns, play_agent(run.folder, 1)["return"], rtol=1e-3)
+
+
+def test_the_change_of_an_edge_is_learned_from_the_sign_of_what_going_on_earns() -> None:
+    score_of_edge = torch.zeros(2, requires_grad=True)
+    going_on = torch.tensor([3.0, -1.0])
+    edge_change_gain(score_of_edge, going_on).sum().backward()
+    # The slope of the logistic loss at 0 is a half.
+    np.testing.assert_allclose(score_of_edge.grad, [-1.5, 0.5])
