@@ -21,7 +21,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from baselines.guided import MAX_BROKEN_WEAR, START_SHARE
 from baselines.models.chip_window import ChipWindow
 from baselines.rule import Array, Mask, Scenarios
 from baselines.self_tuning import RULES as SELF_TUNING_RULES
@@ -31,6 +30,10 @@ from turning_env.numerics.functions import exp, log
 from turning_env.policy import Actions, Observations
 from turning_env.scenario.laws import used_life_at
 
+START_SHARE = 0.625
+"""Start speed of a material over the machine's highest speed [-], in the families that ship."""
+MAX_BROKEN_WEAR = 0.97
+"""Wear over the criterion below which an edge that ended without a command was broken [-]."""
 MIN_LOG_SPEED = -1.0  # lowest log of the highest speed over the start speed [-]
 MAX_LOG_SPEED = 0.47  # likewise the highest: the machine's
 MIN_CHANGE_AT = 0.1  # lowest used life at which edges are changed [-]

@@ -82,7 +82,6 @@ KINDS = (
     _of_class(BEST_RULE, "rule"),
     _of_class("best model-free agent", "model-free agent"),
     _of_class("best agent on a belief", "agent on a belief"),
-    _of_class("best learned guide of a rule", "learned guide of a rule"),
     _of_class("best student of a rule", "student of a rule"),
     # No class of agents plays all tasks, but these do together.
     Kind(BEST_AGENT, _is_unprivileged, by_task=False),

@@ -9,12 +9,11 @@ from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from baselines.guided import HOLD
 from baselines.policy_spec import PolicySpec
 from leaderboard import columns, table
 from leaderboard.agents import agent_file
 from leaderboard.agents.agent_file import ONNX_SUFFIX, AgentFile, Space, training_family
-from leaderboard.inputs import CLASSES, RUN_TIME_INPUTS, TRAINING_INPUTS, Inputs
+from leaderboard.inputs import CLASSES, RUN_TIME_INPUTS, TRAINING_INPUTS
 from leaderboard.policies import SUMS
 from leaderboard.ranking import Leaderboard, read_leaderboard
 from leaderboard.result import ResultError, result_files, result_folder
@@ -108,9 +107,6 @@ def render(
     metadata = file.metadata
     name = leaderboard.names[metadata.label]
     (standing,) = (standing for standing in leaderboard.standings if standing.name == name)
-    steps = "environment steps"
-    if Inputs.of(metadata.parameters).guides:
-        steps = f"decisions, each of {HOLD} environment steps,"
     elsewhere = {}
     if across is not None and across.tuned_for == metadata.scenario.name:
         elsewhere = dict(across.rows.get(name, {}))
@@ -130,7 +126,6 @@ def render(
         trainings=trainings,
         metadata=metadata,
         memory_size=file.memory_size,
-        steps=steps,
         ranges=_ranges(metadata.observation_space),
         classes=CLASSES,
         verdicts=table.VERDICTS,

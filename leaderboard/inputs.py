@@ -13,7 +13,6 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
-from baselines.guided import HOLD
 from baselines.policy_spec import PolicySpec
 from turning_env import Scenario
 
@@ -37,8 +36,6 @@ RUN_TIME_INPUTS = {
     "memory": "remembers earlier observations",
     "belief": "is shown what a Kalman filter, which knows the nominal model, estimates from the "
     "observations",
-    "rule": "sets two limits of the rule self_tuning, which knows the nominal model and does the "
-    "rest",
     "position": "tracks the tool's position along the bar, from observations and the bars' "
     "geometry",
     "derived inputs": "is shown the higher load, and distances of speed and feed from the nominal "
@@ -52,8 +49,6 @@ CLASSES = {
     "planner runs in the policy",
     "agent on a belief": "trained on rewards, costs and what a Kalman filter with the nominal "
     "model estimates from observations",
-    "learned guide of a rule": "trained on observations, rewards and costs alone; sets two limits "
-    "of a rule that has the nominal model",
     "student of a rule": "trained to act as a rule does that has the nominal model; no hidden "
     "state, no true law",
     "privileged agent": "trained with what no lathe reveals, such as true states or gradients of "
@@ -92,7 +87,6 @@ class Inputs:
     position: bool  # tracks the tool's position along the bar
     frames: int  # successive observations that it sees
     is_recurrent: bool  # its network has a memory
-    guides: bool  # sets two limits of a rule (``baselines/guided.py``)
     steps: int | None  # environment steps of the training; None: not stated
 
     @classmethod
@@ -100,10 +94,6 @@ class Inputs:
         """Return the inputs that the parameters of a training, or of its agent's file, state."""
         context = parameters.get("context")
         names = context.get("names") if isinstance(context, Mapping) else None
-        guides = parameters.get("guide") is True
-        steps = _whole_number(parameters, "total_timesteps")
-        if steps is not None and guides:
-            steps *= HOLD  # a guide's training counts decisions
         return cls(
             training=_stated_training(parameters),
             context_entries=len(names) if isinstance(names, list | tuple) else 0,
@@ -114,8 +104,7 @@ class Inputs:
             position=parameters.get("position") is True,
             frames=_whole_number(parameters, "frames") or 1,
             is_recurrent=parameters.get("memory") is True or "lstm_hidden_size" in parameters,
-            guides=guides,
-            steps=steps,
+            steps=_whole_number(parameters, "total_timesteps"),
         )
 
     def on(self, scenario: Scenario) -> Self:
@@ -136,8 +125,7 @@ class Inputs:
         is_given = {
             "context": self.context_entries > 0 and not self.hides_context,
             "memory": self.is_recurrent or self.frames > 1,
-            "belief": self.belief or self.guides,  # the rule's belief is shown to its guide
-            "rule": self.guides,
+            "belief": self.belief,
             "position": self.position,
             "derived inputs": self.derived,
             "load target": self.load_target,
@@ -154,8 +142,6 @@ class Inputs:
             return "privileged agent"
         if given & IMITATION:
             return "student of a rule"
-        if self.guides:
-            return "learned guide of a rule"
         return "agent on a belief" if self.belief else "model-free agent"
 
 

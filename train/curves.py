@@ -27,9 +27,7 @@ from matplotlib.ticker import EngFormatter
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from baselines.guided import HOLD
 from baselines.policy_spec import ScenarioId
-from leaderboard.inputs import Inputs
 from leaderboard.statistics import CONFIDENCE, KEY, RESAMPLES
 from train.run import Run
 from turning_env.console import Parser, described, exits
@@ -64,9 +62,7 @@ class LearningCurve(BaseModel):
         rows = run.read_learning_curve()
         if not rows:
             raise ValueError(f"no episode has ended yet in the training in {run.folder}")
-        # A guide's training counts decisions, each of which holds for several environment steps.
-        steps_per_row = HOLD if Inputs.of(run.parameters).guides else 1
-        steps = [row["steps"] * steps_per_row for row in rows]
+        steps = [row["steps"] for row in rows]
         mean_returns = [row["mean_return"] for row in rows]
         grid = np.linspace(steps[0], steps[-1], POINTS)
         thinned = np.interp(grid, steps, mean_returns)

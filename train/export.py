@@ -278,16 +278,10 @@ def metadata(run: Run, name: str | None = None) -> Metadata:
 
 
 def _environments(metadata: Metadata) -> Any:
-    """Return ``NUM_ENVS`` environments like those of an agent's training.
-
-    Return None for a guide, which is compared on features alone.
-    """
-    inputs = Inputs.of(metadata.parameters)
-    if inputs.guides:
-        return None
+    """Return ``NUM_ENVS`` environments like those of an agent's training."""
     source = training_family(metadata.env_id, metadata.parameters) or metadata.scenario
     env = vector_env(source, NUM_ENVS, AutoresetMode.SAME_STEP)
-    return agent_file.wrapped(env, inputs)
+    return agent_file.wrapped(env, Inputs.of(metadata.parameters))
 
 
 def largest_differences(
@@ -296,10 +290,10 @@ def largest_differences(
     """Return the largest differences between the actions of two policies.
 
     Both see the same observations in ``NUM_ENVS`` environments and keep their own memories. In
-    episodes on tuning seeds the original acts; without environments (None) there are no episodes.
+    episodes on tuning seeds the original acts.
     """
     sampled = _sampled_difference(original, policy, metadata.observation_space)
-    played = 0.0 if env is None else _played_difference(original, policy, env)
+    played = _played_difference(original, policy, env)
     return Differences(sampled=sampled, played=played)
 
 

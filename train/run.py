@@ -22,7 +22,6 @@ HYPERPARAMETERS = Path(__file__).parent / "hyperparameters"
 ALGORITHMS = (
     "analytic_gradient",
     "dagger",
-    "guided_ppo",
     "lagrangian_ppo",
     "linear_cma_es",
     "ppo",

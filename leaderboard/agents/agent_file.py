@@ -17,14 +17,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, Protocol, Self
 
-import numpy as np
 from gymnasium.spaces import Box
-from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError, model_validator
 
 from baselines.belief import Belief, BeliefPolicy, VectorBeliefObservation, with_belief
 from baselines.derived_observation import DerivedPolicy, VectorDerivedObservation, with_entries
-from baselines.guided import HOLD, GuidedPolicy, decision_space, feature_space
 from baselines.load_target import LoadTargetPolicy, VectorLoadTargetAction, space_of
 from baselines.policy_spec import Parameters, PolicySpec, ScenarioId, Text
 from leaderboard.agents import network
@@ -151,8 +148,8 @@ def _from_json(text: str) -> Any:
 def seen_space(env_id: str, scenario: Scenario, parameters: Mapping[str, Any]) -> Box:
     """Return the space of an agent's observations.
 
-    It is the environment's, with the entries that its parameters name, as of a belief; or that of a
-    guide's features. Raise ValueError if the parameters of a family's agent name no context.
+    It is the environment's, with the entries that its parameters name, as of a belief. Raise
+    ValueError if the parameters of a family's agent name no context.
     """
     try:
         context = len(parameters["context"]["names"]) if env_id == FAMILY_ID else 0
@@ -161,8 +158,6 @@ def seen_space(env_id: str, scenario: Scenario, parameters: Mapping[str, Any]) -
             f"parameters must have context.names, as env_id is {FAMILY_ID!r}"
         ) from error
     inputs = Inputs.of(parameters)
-    if inputs.guides:
-        return feature_space(context)
     space: Any = observation_space(scenario, context)
     if inputs.derived:
         space = with_entries(space)
@@ -173,45 +168,33 @@ def seen_space(env_id: str, scenario: Scenario, parameters: Mapping[str, Any]) -
 def acting_space(scenario: Scenario, parameters: Mapping[str, Any]) -> Box:
     """Return the space of an agent's actions.
 
-    It is the environment's, that of load targets, or of a guide's decisions. Raise ValueError if
-    the scenario's actions know no load targets.
+    It is the environment's, or that of load targets. Raise ValueError if the scenario's actions
+    know no load targets.
     """
-    inputs = Inputs.of(parameters)
-    if inputs.guides:
-        return decision_space()
-    space: Any = space_of(scenario) if inputs.load_target else action_space(scenario)
+    has_target = Inputs.of(parameters).load_target
+    space: Any = space_of(scenario) if has_target else action_space(scenario)
     box: Box = space
     return box
 
 
-def informed(
-    agent: PolicySpec,
-    scenarios: Scenario | Sequence[Scenario],
-    shown: Mapping[str, float] | None = None,
-) -> PolicyFactory:
+def informed(agent: PolicySpec, scenarios: Scenario | Sequence[Scenario]) -> PolicyFactory:
     """Return the function that makes an agent for scenarios, with what goes with it.
 
-    The agent's parameters say whether it has a belief, derived inputs, a feed loop or a rule. If
-    the nominal model of its training was wrong, the belief expects errors of the laws.
+    The agent's parameters say whether it has a belief, derived inputs or a feed loop. If the
+    nominal model of its training was wrong, the belief expects errors of the laws.
 
     Args:
         agent: the agent.
         scenarios: the scenarios that it plays: one for all environments, or one each.
-        shown: what a guide must know of scenarios that are no jobs of a family, beside their
-            nominal models: the values of ``Family.shown`` of its training. The function raises
-            ValueError if one is missing, or has another name.
     """
     inputs = Inputs.of(agent.parameters)
-    knows_models = inputs.guides or inputs.belief or inputs.derived or inputs.load_target
+    knows_models = inputs.belief or inputs.derived or inputs.load_target
     if not knows_models:
         return agent.make
 
     def make(num_envs: int) -> Policy:
         played = [scenarios] * num_envs if isinstance(scenarios, Scenario) else scenarios
         models = [scenario.nominal() for scenario in played]
-        if inputs.guides:
-            context = None if shown is None else _context(agent, played, shown)
-            return GuidedPolicy(agent.make(num_envs), models, context)
         policy = agent.make(num_envs)
         # Each sees what the one after it adds: in reverse order of ``wrapped``.
         if inputs.belief:
@@ -236,26 +219,15 @@ def wrapped(envs: Any, inputs: Inputs) -> Any:
     return VectorBeliefObservation(envs) if inputs.belief else envs
 
 
-def _context(
-    agent: PolicySpec, scenarios: Sequence[Scenario], shown: Mapping[str, float]
-) -> NDArray[np.float32]:
-    """Return the context of scenarios as the family of an agent's training shows it."""
-    family = Family.load(str(agent.parameters["family"]))
-    contexts = [family.context_of(scenario, shown) for scenario in scenarios]
-    return np.stack(contexts).astype(np.float32)
-
-
 def description_of_training(parameters: Mapping[str, Any], steps: Any, scenario: str) -> str:
     """Return a description of a training.
 
     It states the length in environment steps, and the jobs of a family, or the scenario. A
     stranger's file may hold anything as these.
     """
-    counts_decisions = type(steps) is int and Inputs.of(parameters).guides
-    count = steps * HOLD if counts_decisions else steps
     length = "an unstated length"
-    if type(count) is int and 0 <= count <= HOLD * MAX_NUMBER:
-        length = f"{count:,} environment steps"
+    if type(steps) is int and 0 <= steps <= MAX_NUMBER:
+        length = f"{steps:,} environment steps"
     family = parameters.get("family")
     name = family.get("name") if isinstance(family, dict) else family
     if name is None:

@@ -18,7 +18,6 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from baselines.comparators import CAUSAL, comparators
-from baselines.guided import HOLD
 from baselines.policy_spec import PolicySpec
 from leaderboard import columns, table
 from leaderboard.agents.agent_file import ONNX_SUFFIX
@@ -76,7 +75,6 @@ def render(leaderboards: Sequence[Leaderboard]) -> str:
             shown_on_phones=SHOWN_ON_PHONES,
             verdicts=VERDICTS,
             max_values=MAX_VALUES,
-            hold=HOLD,
             max_command=MAX_COMMAND,
             confidence=f"{100 * CONFIDENCE:g} %",
             resamples=RESAMPLES,

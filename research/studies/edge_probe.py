@@ -15,7 +15,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from baselines.guided import FEED_SCALE, MAX_BROKEN_WEAR, START_SHARE
+from baselines.reactive import MAX_BROKEN_WEAR, START_SHARE
 from baselines.rule import Array, Mask
 from baselines.self_tuning import RULES, SelfTuning
 from turning_env import Family, FamilyVectorEnv, Reading, Scenario, read
@@ -25,6 +25,7 @@ from turning_env.policy import Actions, Observations
 from turning_env.scenario.scenario_batch import ScenarioBatch
 
 EDGES = 2  # edges of the history
+FEED_SCALE = 0.25  # feed at which the heat counts from the start speed alone [mm/rev]
 SLOW_SHARES = (0.5, 0.65, 0.8)
 """Highest speeds over the start speed with the first edge [-], a minute each, in turns."""
 FAST_SHARES = (1.0, 1.2, 1.6)  # likewise with the edges after it

@@ -1,6 +1,6 @@
 """Compare two policies job by job on results that exist.
 
-    python -m research.studies.paired guided_ppo reactive --scenarios unmodelled-unseen_jobs
+    python -m research.studies.paired ppo_load_target reactive --scenarios unmodelled-unseen_jobs
     python -m research.studies.paired ppo predictive --env RoughTurning-v0 --scenarios rough_turning
 
 The table has the mean difference of the returns with its 95 % interval over jobs and training

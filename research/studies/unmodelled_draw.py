@@ -17,10 +17,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from baselines.comparators import CAUSAL
-from baselines.guided import START_SHARE
 from baselines.models.schedule import FORMS
 from baselines.oracles.known_forms import KnownForms, collapses
 from baselines.oracles.truthful import Truthful
+from baselines.reactive import START_SHARE
 from baselines.self_tuning import RULES, SelfTuning
 from leaderboard.family import FamilyPlay
 from leaderboard.play import EPISODE_FIELDS, Episodes, play_family

@@ -17,8 +17,7 @@ from typing import Any
 import numpy as np
 
 from baselines.comparators import CAUSAL, NOMINAL_SHARE
-from baselines.guided import START_SHARE
-from baselines.reactive import WINDOW_ALONE, Reactions, Reactive
+from baselines.reactive import START_SHARE, WINDOW_ALONE, Reactions, Reactive
 from baselines.self_tuning import RULES, SelfTuning
 from leaderboard.family import KNOWN_FORMS, family_task, rule_on_family
 from leaderboard.play import EPISODE_FIELDS, Episodes, play_family

@@ -8,8 +8,7 @@ from gymnasium.vector import AutoresetMode
 
 from baselines import reactive
 from baselines.catalogue import names
-from baselines.guided import START_SHARE
-from baselines.reactive import TUNED, WINDOW_ALONE, Reactions, Reactive
+from baselines.reactive import START_SHARE, TUNED, WINDOW_ALONE, Reactions, Reactive
 from baselines.self_tuning import RULES
 from turning_env import Family, FamilyVectorEnv
 from turning_env.physics.quantities import OBS

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import pytest
 
-from baselines.guided import HOLD
 from baselines.policy_spec import PolicySpec
 from leaderboard.agents import agent_file
 from leaderboard.agents.agent_file import AgentFile
@@ -69,10 +68,7 @@ def test_shipped_agents_have_the_memory_that_the_table_states(shipped: AgentFile
 def test_shipped_agents_were_trained_for_the_stated_environment_steps(shipped: AgentFile) -> None:
     metadata = shipped.metadata
     stated = Inputs.of(metadata.parameters)
-    steps = metadata.trained_steps
-    if metadata.parameters.get("guide"):
-        steps *= HOLD  # a guide's training counts decisions
-    assert stated.steps == steps
+    assert stated.steps == metadata.trained_steps
 
 
 def test_shipped_agents_keep_their_inputs(shipped: AgentFile) -> None:
@@ -161,7 +157,6 @@ def test_a_price_of_life_does_not_count_where_the_job_ends_before_the_edge() -> 
         pytest.param(agent([*REWARDS, *LIFE_PRICE]), "privileged agent", id="price p(D)"),
         pytest.param(agent([*REWARDS, "true states"]), "privileged agent", id="asymmetric critic"),
         pytest.param(agent(GRADIENTS), "privileged agent", id="model gradients"),
-        pytest.param(agent(REWARDS, guide=True), "learned guide of a rule", id="guide"),
         pytest.param(agent(REWARDS, belief=True), "agent on a belief", id="belief"),
         pytest.param(agent(["wishes"]), "other agent", id="unknown inputs"),
         pytest.param(agent(["rule's actions"], belief=True), "student of a rule", id="imitation"),
@@ -171,11 +166,6 @@ def test_a_price_of_life_does_not_count_where_the_job_ends_before_the_edge() -> 
 )
 def test_the_class_follows_from_the_inputs_of_training(policy: PolicySpec, expected: str) -> None:
     assert class_of(policy) == expected
-
-
-def test_a_guide_counts_environment_steps() -> None:
-    guide = agent(REWARDS, guide=True, total_timesteps=1_500_000)
-    assert Inputs.of(guide.parameters).steps == 45_000_000
 
 
 @pytest.mark.parametrize("steps", [-1, 10**400, 1.5, "many", True])

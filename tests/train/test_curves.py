@@ -5,10 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from baselines.guided import HOLD
 from tests.train.small import ALGORITHMS, small_run
 from train import curves
-from train.run import CURVE_COLUMNS, Run
+from train.run import CURVE_COLUMNS
 from turning_env import Scenario
 
 
@@ -142,17 +141,3 @@ def test_mistakes_are_named_and_nothing_is_written(
         assert curves.main([*map(str, arguments)]) == 2
         assert message in capsys.readouterr().err
     assert not list(tmp_path.glob("never*"))
-
-
-def test_curves_of_guides_are_over_environment_steps(tmp_path: Path) -> None:
-    """A guide's training counts decisions, each of which holds for several steps."""
-    folder = a_run(tmp_path, 0, line(1.0))
-    run = Run.read(folder)
-    guide = replace(run, parameters=run.parameters | {"guide": True})
-    plain = curves.LearningCurve.of(run)
-    guided = curves.LearningCurve.of(guide)
-    assert plain.first == 0.0
-    assert plain.last == 100.0
-    assert guided.first == 0.0
-    assert guided.last == 100.0 * HOLD
-    assert guided.mean_return == plain.mean_return

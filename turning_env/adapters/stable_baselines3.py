@@ -121,12 +121,12 @@ class RoughTurningVecEnv(VecEnv):
             last_infos = _infos_by_env(infos["final_info"], env_indices)
             for index, info in zip(env_indices.tolist(), last_infos, strict=True):
                 observation = infos["final_obs"][index]
-                env_infos[index] = info | self.info_at_end(index, observation, truncated[index])
+                env_infos[index] = info | self._info_at_end(index, observation, truncated[index])
             self._clear_sums(ended)
         scaled_rewards = (training_rewards * self.reward_scale).astype(np.float32)
         return observations, scaled_rewards, ended, env_infos
 
-    def info_at_end(
+    def _info_at_end(
         self, index: int, observation: NDArray[np.float32], truncated: bool
     ) -> dict[str, Any]:
         """Return what an environment's info holds besides if its episode has ended."""

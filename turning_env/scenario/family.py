@@ -466,24 +466,6 @@ class Family(Section):
         mean, spread = self.context_scale
         return np.clip((_stacked(features) - mean) / spread, -CONTEXT_LIMIT, CONTEXT_LIMIT)
 
-    def context_of(self, scenario: Scenario, shown: Mapping[str, float]) -> Array:
-        """Return the context of a scenario of one's own, shape (numbers,).
-
-        It describes the nominal model. ``shown`` has the values of ``Family.shown``. Raise
-        ValueError if one is missing, or has another name.
-        """
-        if shown.keys() != set(self.shown):
-            names = ", ".join(self.shown) or "no values"
-            raise ValueError(
-                f"the context of family {self.name!r} needs {names}, got {dict(shown)}"
-            )
-        nominal = ScenarioBatch.of([scenario.nominal()])
-        numbers = features(nominal, plan_of(nominal)) | dict(shown)
-        if scenario.sensors.observes_all:
-            true_fields = flat(scenario.model_dump(exclude={"name", "nominal_model"}))
-            numbers |= self._true_features(ScenarioBatch.of([scenario]), true_fields)
-        return self.context(numbers).ravel()
-
     @cached_property
     def context_scale(self) -> tuple[Array, Array]:
         """Mean and spread by which the context is standardised, shape (numbers,) each."""

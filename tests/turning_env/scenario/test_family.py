@@ -175,12 +175,6 @@ def test_a_twin_that_observes_all_shows_the_true_laws_and_forms(twin):
     assert numbers["true_machine.chatter"] == job.scenario.machine.chatter
 
 
-def test_the_context_of_a_twin_follows_from_its_scenario_and_numbers(twin):
-    job = twin.job(5)
-    shown = {name: job.numbers[name] for name in twin.shown}
-    assert twin.context_of(job.scenario, shown) == pytest.approx(job.context)
-
-
 def test_hidden_forms_are_true_and_the_nominal_model_knows_none_of_them():
     scenario = UNMODELLED.job(3).scenario
     nominal = scenario.nominal()
