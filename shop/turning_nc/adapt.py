@@ -4,17 +4,24 @@ Every F word, and every S word of a constant cutting speed, gets the constant va
 program shortest. The limits are the scenario's force and power with the edge worn as at its change,
 the machine's range, and the edges that the program used before. Feeds that leave the part's
 surface stay, unless they must fall to keep a limit. So do all words of tools that the scenario does
-not describe, and words that would hardly change. ``adaptable_words`` finds the words,
-``word_search`` their values.
+not describe, and words that would hardly change. Tools with laws of their own are adapted after one
+another, by their laws; words that set the cuts of several laws stay. ``adaptable_words`` finds the
+words, ``word_search`` their values.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from turning_nc.adaptable_words import MIN_CHANGE, AdaptableWords, Change, Where
-from turning_nc.cutting import Play, Situation, play
+from turning_nc.adaptable_words import (
+    MIN_CHANGE,
+    AdaptableWords,
+    Change,
+    NothingToAdaptError,
+    Where,
+)
+from turning_nc.cutting import Play, Situation, ToolGroup, play
 from turning_nc.edges import change_wear
 from turning_nc.moves import run
 from turning_nc.word_search import WordSearch
@@ -63,12 +70,36 @@ def adapt(
     Raises:
         NcError: no F word per revolution and no S word of a constant cutting speed can change.
     """
-    planner = _Planner(situation, wear, where=where, life=life)
+    adapted: Adapted | None = None
+    faults = []
+    for number in range(len(situation.groups)):
+        now = adapted.situation if adapted else situation
+        group = now.groups[number]
+        try:
+            adapted_group = _adapt_group(now, group, wear, where=where, life=life)
+        except NothingToAdaptError as fault:
+            faults.append(fault)
+            continue
+        earlier_changes = adapted.changes if adapted else ()
+        changes = sorted((*earlier_changes, *adapted_group.changes), key=lambda change: change.line)
+        adapted = replace(adapted_group, changes=tuple(changes))
+    if adapted is None:
+        raise faults[-1]
+    return adapted
+
+
+def _adapt_group(
+    situation: Situation, group: ToolGroup, wear: float | None, where: Where, life: float
+) -> Adapted:
+    """Return the program with other feeds and speeds of the tools of one group."""
+    planner = _Planner(situation, group, wear, where=where, life=life)
     with planner.progress:
         plan = planner.without_small_changes(planner.best_plan())
     before = planner.before
     original = situation.moves.program
     text, changes = plan.search.words.written(plan.values, feed_before=plan.search.before.feed)
+    nose_radius = group.scenario.tool.nose_radius
+    changes = tuple(replace(change, nose_radius=nose_radius) for change in changes)
     moves = run(divide(text, original.dialect), situation.moves.reading)
     if [move.path for move in moves.moves] != [move.path for move in situation.moves.moves]:
         raise NcError(
@@ -82,9 +113,10 @@ def adapt(
         removal=situation.removal,
         evidence=situation.evidence,
         described=situation.described,
+        own_laws=situation.own_laws,
     )
     played = play(adapted, change_wear(adapted) if wear is None else plan.search.wear)
-    is_allowed = life >= 1.0 and _highest_load(situation, before) <= 1.0
+    is_allowed = life >= 1.0 and _highest_load(situation.under(group), before) <= 1.0
     if is_allowed and before.time.sum() <= played.time.sum():
         return Adapted(original.text, (), situation=situation, played=before)
     return Adapted(text, changes, situation=adapted, played=played)
@@ -106,16 +138,19 @@ class _Plan(NamedTuple):
 
 
 class _Planner:
-    """Plans values for a program's words, with edges that are changed at different wears."""
+    """Plans values for the words of a group's tools, with edges changed at different wears."""
 
     def __init__(
         self,
         situation: Situation,
+        group: ToolGroup,
         wear: float | None,
         where: Where,
         life: float,
     ) -> None:
+        situation = situation.under(group)
         self._situation = situation
+        self._slices = group.slices
         self._life = life
         self._is_wear_given = wear is not None
         if wear is None:
@@ -132,7 +167,7 @@ class _Planner:
 
     def best_plan(self) -> _Plan:
         """Return the best plan: with edges that are changed as before, or earlier."""
-        latest = self._latest_wear.max()
+        latest = self._latest_wear[self._slices].max()
         best = self._plan(self._words, latest)
         if self._is_wear_given:
             return best
@@ -176,7 +211,8 @@ class _Planner:
         """Return the plan with edges that are changed at a wear at the latest [mm]."""
         situation = self._situation
         before = self.before
-        latest_wear = np.minimum(self._latest_wear, wear)
+        latest_wear = self._latest_wear.copy()
+        latest_wear[self._slices] = np.minimum(latest_wear[self._slices], wear)
         search = WordSearch(situation, words, wear=latest_wear)
 
         # An edge that is changed earlier does fewer parts, so a part must use less of its life.

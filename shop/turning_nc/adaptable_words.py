@@ -36,6 +36,10 @@ Indices = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
 
+class NothingToAdaptError(NcError):
+    """No word of a program can change."""
+
+
 class FeedChange(NamedTuple):
     """Highest feed in metal before and after a change [mm/rev]."""
 
@@ -51,6 +55,7 @@ class Change:
     before: str  # the word as it was; empty if it was put in
     after: str
     feeds: FeedChange | None = None  # None for a speed
+    nose_radius: float = 0.0  # of the insert [mm]; 0 if it is not known
 
 
 @dataclass(frozen=True)
@@ -110,7 +115,7 @@ class AdaptableWords:
             is_overloaded: slices that exceed a limit before the change.
 
         Raises:
-            NcError: no word can change.
+            NothingToAdaptError: no word can change.
         """
         self._situation = situation
         self._text = situation.moves.program.text
@@ -144,7 +149,7 @@ class AdaptableWords:
         self.slices_of_feed = _grouped(self.feed_of)
         self.slices_of_speed = _grouped(self.speed_of)
         if not (self.slices_of_feed or self.slices_of_speed):
-            raise NcError(
+            raise NothingToAdaptError(
                 "the program has no F word in mm/rev and no S word under G96 of a tool that the "
                 "scenario describes, so nothing can be adapted"
             )

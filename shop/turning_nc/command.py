@@ -29,7 +29,7 @@ def program(options: argparse.Namespace) -> int:
 
     python -m turning_shop program part.mpf --scenario my_tool.toml --stock bar:80x120+1 \
         --figure part.png
-    python -m turning_shop program part.mpf --scenario my_tool.toml --stock bar:80x120+1 \
+    python -m turning_shop program part.mpf --scenario my_tool.toml --tool T0303=boring_bar.toml \
         --adapt words --out part.simulated.mpf
     """
     from turning_nc.play_command import play_program
@@ -75,7 +75,8 @@ def _add_stock_options(parser: argparse.ArgumentParser) -> None:
         help=(
             "kind of a tool: outside, inside, left, copying, neutral, groove:WIDTH, "
             "face-groove:WIDTH, drill:DIAMETER; -left and -inside may follow "
-            "(default: as it moves); can be repeated"
+            "(default: as it moves); or a .toml file, a scenario whose laws and limits hold "
+            "for the tool (default: SCENARIO); can be repeated"
         ),
     )
     parser.add_argument(
@@ -159,7 +160,10 @@ def _add_numbers(parser: argparse.ArgumentParser) -> None:
         "--nose-radius",
         type=number_within(0.05, 10.0, unit="mm"),
         metavar="X",
-        help="nose radius of the inserts [mm]: the feed is at most half of it",
+        help=(
+            "nose radius of the inserts without a scenario of their own [mm]: "
+            "the feed is at most half of it"
+        ),
     )
     parser.add_argument(
         "--roughness",
@@ -190,8 +194,12 @@ def _add_output_options(parser: argparse.ArgumentParser) -> None:
 
 def _tool(text: str) -> tuple[str, str]:
     name, _, kind = text.partition("=")
+    name = name.strip()
+    kind = kind.strip()
     if not (name and kind):
-        raise argparse.ArgumentTypeError(f"{text!r} must be NAME=KIND, such as T0303=inside")
+        raise argparse.ArgumentTypeError(
+            f"{text!r} must be NAME=KIND or NAME=FILE.toml, such as T0303=inside"
+        )
     return name.upper(), kind
 
 

@@ -5,15 +5,16 @@ follow at once. When edges are changed is decided in ``edges``; other feeds and 
 ``adapt``.
 """
 
+import copy
 import math
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from turning_nc.kinds import DRILL
+from turning_nc.kinds import DRILL, check_called
 from turning_nc.moves import Moves
 from turning_nc.removal import MIN_DEPTH, RADIUS, Removal
 from turning_nc.words import NcError
@@ -25,6 +26,7 @@ from turning_env.numerics.conversions import cutting_speed_at
 from turning_env.scenario import Scenario
 from turning_env.scenario.laws import (
     Loads,
+    LoadShares,
     capacity_at,
     cutting_power_limit,
     feed_at_limit,
@@ -53,17 +55,50 @@ class Machine:
     max_feed: float = math.inf  # of the inserts [mm/rev]; the scenario's machine has its own
 
 
+@dataclass(frozen=True)
+class Laws:
+    """A scenario whose laws and limits hold for tools, and the evidence for its laws."""
+
+    scenario: Scenario
+    evidence: "Evidence | None" = None  # None if the laws were not fitted
+
+    @property
+    def has_force_limit(self) -> bool:
+        """Whether the scenario limits the thrust force."""
+        return bool(self.scenario.limits.thrust_force != NO_LIMIT["thrust_force"])
+
+    @property
+    def has_power_limit(self) -> bool:
+        """Whether the scenario limits the power."""
+        return bool(self.scenario.limits.power != NO_LIMIT["power"])
+
+
+class ToolGroup(NamedTuple):
+    """The tools of a program for which the same laws hold."""
+
+    laws: Laws
+    tools: tuple[str, ...]
+    slices: NDArray[np.bool_]  # marks those of the tools
+
+    @property
+    def scenario(self) -> Scenario:
+        """The scenario of the laws."""
+        return self.laws.scenario
+
+
 class Situation:
     """A program on its stock with a scenario.
 
     Attributes:
-        scenario: laws, limits and machine.
+        scenario: laws and limits of all tools without laws of their own, and the machine.
         machine: what the scenario lacks.
         moves: the moves of the program.
         removal: the metal that they remove, by slice.
         evidence: the evidence for the scenario's laws; None if they were not fitted.
         described: the tools whose insert the scenario describes. Loads and wear of others are
             computed with its laws, too, but say little of them.
+        own_laws: the tools with laws of their own.
+        groups: all tools, by their laws.
 
     All other attributes are arrays over the slices. They do not change with feed and speed:
 
@@ -75,7 +110,7 @@ class Situation:
     * ``other_time`` is the time of rapid moves, dwells and tool changes [s].
     * ``fed`` marks slices that are run at feed, ``threads_and_drills`` those of them for which no
       load is computed, and ``engaged`` those that turn metal.
-    * ``is_described`` marks the slices of the tools that the scenario describes.
+    * ``is_described`` marks the slices of the tools that the scenario or their own laws describe.
     * ``by_tool`` marks the slices of each tool, in the order of their first use.
     """
 
@@ -87,6 +122,7 @@ class Situation:
         removal: Removal,
         evidence: "Evidence | None" = None,
         described: Collection[str] = (),
+        own_laws: Mapping[str, Laws] = {},
     ) -> None:
         """Put a program on its stock.
 
@@ -97,10 +133,12 @@ class Situation:
             removal: the metal that they remove.
             evidence: the evidence for the scenario's laws.
             described: the tools whose insert the scenario describes; by default the one that
-                removes most metal outside, or inside if none turns outside.
+                removes most metal outside, or inside if none turns outside, unless it has laws of
+                its own.
+            own_laws: laws that hold for tools in place of the scenario's.
 
         Raises:
-            NcError: a described tool is not in the program.
+            NcError: a tool is not in the program, or is described twice.
         """
         self.scenario = scenario
         self.machine = machine
@@ -143,13 +181,42 @@ class Situation:
         self.engaged = self.fed & (slices.depth > MIN_DEPTH) & ~self.threads_and_drills
         tools = dict.fromkeys(self.tool.tolist())
         self.by_tool = {tool: self.tool == tool for tool in tools}
+        check_called([*described, *own_laws], self.by_tool)
         for name in described:
-            if name not in self.by_tool:
+            if name in own_laws:
                 raise NcError(
-                    f"tool {name!r} is not in the program, which has {', '.join(self.by_tool)}"
+                    f"tool {name} has a scenario of its own, so the command's cannot describe it"
                 )
-        self.described = tuple(described) or self._main_tool()
-        self.is_described = np.isin(self.tool, self.described)
+        self.own_laws = own_laws
+        main_tool = tuple(tool for tool in self._main_tool() if tool not in own_laws)
+        self.described = tuple(described) or main_tool
+        self.is_described = np.isin(self.tool, [*self.described, *own_laws])
+        self.groups = self._groups()
+
+    def _groups(self) -> list[ToolGroup]:
+        """Return all tools by their laws, in the order of their first use."""
+        shared = Laws(self.scenario, self.evidence)
+        tools_of: dict[int, list[str]] = {}
+        laws_of: dict[int, Laws] = {}
+        for tool in self.by_tool:
+            laws = self.own_laws.get(tool, shared)
+            laws_of[id(laws)] = laws
+            tools_of.setdefault(id(laws), []).append(tool)
+        groups = []
+        for key, tools in tools_of.items():
+            groups.append(ToolGroup(laws_of[key], tuple(tools), np.isin(self.tool, tools)))
+        return groups
+
+    def under(self, group: ToolGroup) -> Self:
+        """Return the same with the laws of a group in place of the scenario's.
+
+        It describes the tools of the group alone. The laws by which all tools are played stay.
+        """
+        view = copy.copy(self)
+        view.scenario = group.scenario
+        view.evidence = group.laws.evidence
+        view.is_described = self.is_described & group.slices
+        return view
 
     def _main_tool(self) -> tuple[str, ...]:
         """Return the insert that turns most metal, outside if one does; empty if none turns."""
@@ -165,13 +232,13 @@ class Situation:
 
     @property
     def has_force_limit(self) -> bool:
-        """Whether the scenario limits the thrust force."""
-        return bool(self.scenario.limits.thrust_force != NO_LIMIT["thrust_force"])
+        """Whether the thrust force of any tool is limited."""
+        return any(group.laws.has_force_limit for group in self.groups)
 
     @property
     def has_power_limit(self) -> bool:
-        """Whether the scenario limits the power."""
-        return bool(self.scenario.limits.power != NO_LIMIT["power"])
+        """Whether the power of any tool is limited."""
+        return any(group.laws.has_power_limit for group in self.groups)
 
     @property
     def min_feed(self) -> float:
@@ -297,43 +364,40 @@ def play(
         speed: speeds that replace those programmed, in the same units.
     """
     s = situation
-    scenario = s.scenario
     moved = motion(
         s,
         feed=s.feed if feed is None else feed,
         speed=s.speed if speed is None else speed,
     )
-    on = s.engaged
-    cutting_speed = moved.cutting_speed[on]
-    per_turn = moved.feed[on]
-    depth = s.removal.slices.depth[on]
-    used_life = np.zeros(len(moved.time))
-    cutting_time = (moved.time - s.other_time)[on]
-    used_life[on] = cutting_time / tool_life(scenario, cutting_speed, feed=per_turn, depth=depth)
+    cutting_time = moved.time - s.other_time
+    count = len(moved.time)
+    depth = s.removal.slices.depth
 
     # An edge begins the part with the life that is left of it when it is changed after the part.
     change_wear = np.broadcast_to(wear, moved.time.shape)
-    life_at_change = used_life_at(scenario, change_wear)
-    worn = np.zeros(len(moved.time))
-    for is_tool in s.by_tool.values():
-        end = life_at_change[is_tool]
-        used = np.cumsum(used_life[is_tool])
-        life = np.maximum(end - used[-1], 0.0) + used
-        worn[is_tool] = wear_at(scenario, np.minimum(life, end))
-
-    cut = loads_of_cuts(scenario, cutting_speed, feed=per_turn, depth=depth, wear=worn[on])
-    spindle = spindle_as_cutting_speed(scenario, moved.spindle_speed[on])
-    shares = load_shares(
-        Loads(cut.thrust_force, power=cut.power + idle_power_at(scenario, spindle)),
-        scenario.limits,
-        capacity=capacity_at(scenario, spindle),
-    )
-    force_share = np.zeros(len(moved.time))
-    power_share = np.zeros(len(moved.time))
-    if s.has_force_limit:
-        force_share[on] = shares.thrust_force
-    if s.has_power_limit:
-        power_share[on] = shares.power
+    used_life = np.zeros(count)
+    life_at_change = np.zeros(count)
+    worn = np.zeros(count)
+    force_share = np.zeros(count)
+    power_share = np.zeros(count)
+    for group in s.groups:
+        scenario = group.scenario
+        on = s.engaged & group.slices
+        cutting_speed = moved.cutting_speed[on]
+        lives = tool_life(scenario, cutting_speed, feed=moved.feed[on], depth=depth[on])
+        used_life[on] = cutting_time[on] / lives
+        life_at_change[group.slices] = used_life_at(scenario, change_wear[group.slices])
+        for tool in group.tools:
+            is_tool = s.by_tool[tool]
+            end = life_at_change[is_tool]
+            used = np.cumsum(used_life[is_tool])
+            life = np.maximum(end - used[-1], 0.0) + used
+            worn[is_tool] = wear_at(scenario, np.minimum(life, end))
+        shares = _load_shares(scenario, moved, on, depth=depth[on], wear=worn[on])
+        if group.laws.has_force_limit:
+            force_share[on] = shares.thrust_force
+        if group.laws.has_power_limit:
+            power_share[on] = shares.power
     return Play(
         time=moved.time,
         cutting_speed=moved.cutting_speed,
@@ -345,6 +409,19 @@ def play(
         life_at_change=life_at_change,
         force_share=force_share,
         power_share=power_share,
+    )
+
+
+def _load_shares(
+    scenario: Scenario, moved: Motion, on: NDArray[np.bool_], depth: Values, wear: Values
+) -> LoadShares:
+    """Return the loads of marked slices over their limits, with the idle power."""
+    cut = loads_of_cuts(scenario, moved.cutting_speed[on], moved.feed[on], depth=depth, wear=wear)
+    spindle = spindle_as_cutting_speed(scenario, moved.spindle_speed[on])
+    return load_shares(
+        Loads(cut.thrust_force, power=cut.power + idle_power_at(scenario, spindle)),
+        scenario.limits,
+        capacity=capacity_at(scenario, spindle),
     )
 
 

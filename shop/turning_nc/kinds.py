@@ -4,7 +4,7 @@ A program names its tools by numbers alone. What shape a kind has is left to ``t
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -12,6 +12,7 @@ from turning_nc.cycles import Side
 from turning_nc.moves import Move, Moves
 from turning_nc.paths import Path
 from turning_nc.words import NcError
+from turning_shop.catalogue import nearest
 
 from turning_env.extras import needed
 
@@ -58,11 +59,7 @@ class ToolKinds:
         """
         self._uses = _uses_of_tools(moves)
         self._given = given
-        for name in given:
-            if name not in self._uses:
-                raise NcError(
-                    f"tool {name!r} is not in the program, which has {', '.join(self._uses)}"
-                )
+        check_called(given, self._uses)
         if len(self._uses) > MAX_TOOLS:
             raise NcError(
                 f"the program uses {len(self._uses)} tools, but {MAX_TOOLS} at most are played: "
@@ -88,6 +85,26 @@ class ToolKinds:
                 tools.add(tool)
             nearest = min(nearest, 0.0 if kind.startswith(DRILL) else use.nearest)
         return tools
+
+
+def check_called(names: Iterable[str], tools: Collection[str]) -> None:
+    """Check that a program calls tools by their names.
+
+    Raises:
+        NcError: it does not call one of them.
+    """
+    for name in names:
+        if name in tools:
+            continue
+        text = f"tool {name!r} is not in the program, which calls {', '.join(tools)}"
+
+        # T1 stands for T0101, as people say it.
+        digits = name.replace("0", "")
+        spoken = [tool for tool in tools if tool.replace("0", "").startswith(digits)]
+        similar = nearest(name, tools) or ", ".join(spoken)
+        if similar:
+            text += f": is it {similar}?"
+        raise NcError(text)
 
 
 def cuts(move: Move) -> bool:

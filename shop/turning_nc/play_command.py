@@ -7,11 +7,12 @@ the laws take time to load.
 import argparse
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from turning_nc import adapt, cutting, edges, moves, removal, stock
 from turning_nc.dialects import DIALECTS
+from turning_nc.kinds import check_called
 from turning_nc.plausibility import implausible
 from turning_nc.program_files import read_program
 from turning_nc.report import Row, Summary, changes, comparison, findings, rows, summary, table
@@ -27,6 +28,8 @@ from turning_env.files import replace_file
 from turning_env.scenario import Scenario
 
 WARNING = "simulation output: not for a machine without review"
+SCENARIO_FILE = ".toml"
+"""Suffix by which --tool tells a scenario from a kind."""
 MARK = ".simulated"
 """Suffix that the name of an adapted program must hold."""
 FORCE_LIMIT_IS_OFF = "limits.thrust_force is off"
@@ -38,9 +41,10 @@ def play_program(options: argparse.Namespace) -> int:
     if options.figure:
         # Matplotlib may be missing: the error must come before anything is computed.
         import turning_nc.picture  # noqa: F401 -- imported to see whether it can be
-    laws = _read_laws(options)
+    laws = _read_laws(options, options.scenario, nose_radius=options.nose_radius)
+    tools = _Tools.of(options)
     _check_out(options)
-    results = _play(options, laws)
+    results = _play(options, laws, tools=tools)
     if results.implausible and options.adapt and not options.force:
         listed = "".join(f"\n  {name}: {text}" for name, text in results.implausible.items())
         raise NcError(
@@ -70,6 +74,39 @@ class _Laws:
 
 
 @dataclass(frozen=True)
+class _Tools:
+    """What --tool states."""
+
+    kinds: dict[str, str]  # by the names of the tools
+    laws: dict[str, _Laws]
+
+    @classmethod
+    def of(cls, options: argparse.Namespace) -> "_Tools":
+        """Read the options and the files that they name; two tools may share a file.
+
+        Raises:
+            NcError: a tool has two kinds or two scenarios, or a file has a fault.
+        """
+        kinds: dict[str, str] = {}
+        files: dict[str, str] = {}
+        for name, value in options.tool or ():
+            is_file = value.lower().endswith(SCENARIO_FILE)
+            given = files if is_file else kinds
+            if name in given:
+                what = "scenarios" if is_file else "kinds"
+                raise NcError(
+                    f"--tool states two {what} of {name}, {given[name]} and {value}: leave one out"
+                )
+            given[name] = value
+        laws_of_file: dict[str, _Laws] = {}
+        for name, file in files.items():
+            if file not in laws_of_file:
+                with naming(f"--tool {name}={file}"):
+                    laws_of_file[file] = _read_laws(options, file)
+        return cls(kinds, {name: laws_of_file[file] for name, file in files.items()})
+
+
+@dataclass(frozen=True)
 class _Results:
     """A played program and what is said about it."""
 
@@ -91,11 +128,11 @@ class _Adaption:
     notes: list[str]
 
 
-def _read_laws(options: argparse.Namespace) -> _Laws:
+def _read_laws(options: argparse.Namespace, source: str, nose_radius: float | None = None) -> _Laws:
     loaded, evidence = load(
-        options.scenario,
+        source,
         OF_PROGRAMS,
-        nose_radius=options.nose_radius,
+        nose_radius=nose_radius,
         is_simulated=False,
         roughness=options.roughness,
     )
@@ -127,7 +164,7 @@ def _check_out(options: argparse.Namespace) -> None:
         )
 
 
-def _play(options: argparse.Namespace, laws: _Laws) -> _Results:
+def _play(options: argparse.Namespace, laws: _Laws, tools: _Tools) -> _Results:
     """Read a program, remove its metal from the stock, play it, and return the results."""
     program = read_program(options.program, DIALECTS.get(options.dialect))
     reading = moves.Reading(
@@ -140,30 +177,38 @@ def _play(options: argparse.Namespace, laws: _Laws) -> _Results:
     with naming(options.program):
         run = moves.run(program, reading)
     notes = list(run.notes)
-    tools = dict(options.tool or ())
+    with naming(options.program):
+        check_called(tools.laws, {move.tool: None for move in run.moves})
     if options.stock:
         polygon = stock.read_stock(options.stock)
     else:
-        polygon, guessed = stock.guessed_stock(run, tools)
+        polygon, guessed = stock.guessed_stock(run, tools.kinds)
         notes.append(f"no --stock is given: {guessed} is taken")
     with naming(options.program):
-        removed = removal.remove(run, polygon, tools)
+        removed = removal.remove(run, polygon, tools.kinds)
     notes += removed.notes
-    low_z, _, high_z, radius = polygon.bounds
-    scenario, bending_note = limited_by_bending(laws.scenario, 2.0 * radius, length=high_z - low_z)
+    laws = _with_bending(laws, polygon)
+    own_laws: dict[str, cutting.Laws] = {}
+    for names, laws_of_tools in _shared(tools.laws).items():
+        limited = _with_bending(laws_of_tools, polygon)
+        own_laws |= dict.fromkeys(names, cutting.Laws(limited.scenario, limited.evidence))
+        notes += [f"{' and '.join(names)}: {note}" for note in limited.notes]
+        kinds = {name: removed.tools[name] for name in names}
+        notes += _holder_notes(limited.scenario, kinds)
     situation = cutting.Situation(
-        scenario,
-        _machine(options, scenario),
+        laws.scenario,
+        _machine(options, laws.scenario),
         moves=run,
         removal=removed,
         evidence=laws.evidence,
         described=options.law_of or (),
+        own_laws=own_laws,
     )
     played = cutting.play(situation, options.wear or edges.change_wear(situation))
-    notes += laws.notes
-    if bending_note:
-        notes.append(bending_note)
-    notes += _holder_notes(scenario, removed)
+    others = {tool: kind for tool, kind in removed.tools.items() if tool not in own_laws}
+    if others:
+        notes += laws.notes
+        notes += _holder_notes(laws.scenario, others)
     notes += _law_notes(situation)
     notes += edges.beyond(situation, played)
     return _Results(
@@ -177,14 +222,31 @@ def _play(options: argparse.Namespace, laws: _Laws) -> _Results:
     )
 
 
-def _holder_notes(scenario: Scenario, removed: removal.Removal) -> list[str]:
-    """Return notes on what is assumed of the tools' holders."""
+def _shared(laws: Mapping[str, _Laws]) -> dict[tuple[str, ...], _Laws]:
+    """Return the laws of each file by all tools that have them."""
+    tools_of: dict[int, list[str]] = {}
+    for name, laws_of_tool in laws.items():
+        tools_of.setdefault(id(laws_of_tool), []).append(name)
+    return {tuple(names): laws[names[0]] for names in tools_of.values()}
+
+
+def _with_bending(laws: _Laws, polygon: Any) -> _Laws:
+    """Return laws whose limit of the thrust force keeps a stock and the tool from bending."""
+    low_z, _, high_z, radius = polygon.bounds
+    scenario, note = limited_by_bending(laws.scenario, 2.0 * radius, length=high_z - low_z)
+    notes = [*laws.notes, note] if note else laws.notes
+    return replace(laws, scenario=scenario, notes=notes)
+
+
+def _holder_notes(scenario: Scenario, kinds: Mapping[str, str]) -> list[str]:
+    """Return notes on what is assumed of the holders of the tools of a scenario."""
     if scenario.file is None:
         return []
     if scenario.tool.overhang:
-        many = len(removed.tools) > 1
-        return ["all tools are taken to have tool.overhang (assumption)"] if many else []
-    inside = [name for name, kind in removed.tools.items() if kind.endswith("inside")]
+        if len(kinds) == 1:
+            return []
+        return [f"{' and '.join(kinds)} are taken to have tool.overhang (assumption)"]
+    inside = [name for name, kind in kinds.items() if kind.endswith("inside")]
     if not inside:
         return []
     return [
@@ -203,6 +265,15 @@ def _law_notes(situation: cutting.Situation) -> list[str]:
         f"the scenario is taken to describe the insert of {described} (assumption; --law-of sets "
         f"it); loads and wear of {', '.join(sorted(others))} follow the same laws"
     ]
+
+
+def _laws_by_tool(options: argparse.Namespace, situation: cutting.Situation) -> dict[str, str]:
+    """Return the scenario, as given, whose laws hold for each tool of the program."""
+    files = {}
+    for name, value in options.tool or ():
+        if name in situation.own_laws and value.lower().endswith(SCENARIO_FILE):
+            files[name] = value
+    return {tool: files.get(tool, options.scenario) for tool in situation.by_tool}
 
 
 def _machine(options: argparse.Namespace, scenario: Scenario) -> cutting.Machine:
@@ -249,6 +320,7 @@ def _as_json(
         "program": options.program,
         "dialect": results.program.dialect.name,
         "scenario": results.situation.scenario.name,
+        "laws": _laws_by_tool(options, results.situation),
         "totals": results.totals,
         "blocks": results.rows,
         "sides": sides,
@@ -270,6 +342,9 @@ def _print(options: argparse.Namespace, results: _Results, adaption: _Adaption |
     units = SYSTEMS[options.units]
     lines = [""]
     lines += results.totals.lines()
+    if situation.own_laws:
+        for tool, scenario in _laws_by_tool(options, situation).items():
+            lines.append(f"{tool}: laws and limits of {scenario}")
     lines += findings(results.rows)
     for line, side in situation.moves.sides.items():
         hint = "; --side sets it" if side.is_settable else ""
@@ -282,9 +357,8 @@ def _print(options: argparse.Namespace, results: _Results, adaption: _Adaption |
     lines += [f"note: {note}" for note in notes]
     if adaption:
         adapted = adaption.adapted
-        nose_radius = situation.scenario.tool.nose_radius or None
         lines += ["", f"adapted ({WARNING}): {len(adapted.changes)} words"]
-        lines += changes(adapted.changes, nose_radius)
+        lines += changes(adapted.changes)
         lines += comparison(results.totals, adaption.totals)
     for path in (options.figure, options.out):
         if path:

@@ -10,11 +10,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from turning_nc.adaptable_words import Change
-from turning_nc.cutting import Play, Situation, highest_feed
+from turning_nc.cutting import Play, Situation, ToolGroup, highest_feed
 from turning_nc.dialects import with_line_feeds
 from turning_nc.edges import outside, parts_per_edge
 from turning_nc.finishing import Finishing
 from turning_nc.words import at_lines
+from turning_shop import Values
 from turning_shop.advise import Prices, money
 from turning_shop.allowed import needed_nose_radius, theoretical_roughness
 from turning_shop.units import METRIC, Units
@@ -112,8 +113,10 @@ def summary(situation: Situation, played: Play) -> Summary:
         if is_outside[is_tool].any():
             extrapolated.append(tool)
     prices = Prices.of(situation.scenario)
-    edges_per_part = sum(1.0 / count for count in parts.values())
-    minutes = float(played.time.sum()) / 60.0 + prices.change_time * edges_per_part
+    cost = prices.minute * float(played.time.sum()) / 60.0
+    for group in situation.groups:
+        edges_per_part = sum(1.0 / parts[tool] for tool in group.tools if tool in parts)
+        cost += _cost_of_edge(prices, group) * edges_per_part
     return Summary(
         time=float(played.time.sum()),
         time_in_metal=float(time[on].sum()),
@@ -128,19 +131,34 @@ def summary(situation: Situation, played: Play) -> Summary:
         parts=parts,
         change_wear=change_wear,
         extrapolated=tuple(extrapolated),
-        cost=prices.minute * minutes + prices.edge * edges_per_part,
+        cost=cost,
         cost_unit=prices.unit,
         max_roughness=_max_roughness(situation, played),
     )
 
 
+def _cost_of_edge(prices: Prices, group: ToolGroup) -> float:
+    """Return the cost of an edge of a group and of its change, at the prices of the machine.
+
+    A price in another currency, or in minutes, is converted by what a minute costs in both.
+    """
+    prices_of_group = Prices.of(group.scenario)
+    edge = prices_of_group.edge
+    if prices_of_group.unit != prices.unit:
+        edge *= prices.minute / prices_of_group.minute
+    return edge + prices.minute * prices_of_group.change_time
+
+
 def _max_roughness(situation: Situation, played: Play) -> float:
     """Return the theoretical roughness of the highest feed in metal [um]; 0 if it is not known."""
-    nose_radius = situation.scenario.tool.nose_radius
-    if not nose_radius:
-        return 0.0
-    highest = float(played.feed[situation.engaged].max(initial=0.0))
-    return theoretical_roughness(highest, nose_radius)
+    roughness = 0.0
+    for group in situation.groups:
+        nose_radius = group.scenario.tool.nose_radius
+        if nose_radius:
+            on = situation.engaged & group.slices
+            highest = float(played.feed[on].max(initial=0.0))
+            roughness = max(roughness, theoretical_roughness(highest, nose_radius))
+    return roughness
 
 
 def _outside_measured(situation: Situation, played: Play) -> NDArray[np.bool_]:
@@ -171,7 +189,7 @@ def comparison(before: Summary, after: Summary) -> list[str]:
     return lines
 
 
-def changes(changed: Sequence[Change], nose_radius: float | None) -> list[str]:
+def changes(changed: Sequence[Change]) -> list[str]:
     """Return changed words as text.
 
     With a nose radius r [mm], feeds f come with the theoretical roughness Rt = f^2 / (8 r).
@@ -179,13 +197,15 @@ def changes(changed: Sequence[Change], nose_radius: float | None) -> list[str]:
     lines = []
     for change in changed:
         roughness = ""
-        if change.feeds and nose_radius:
-            depths = [f"{theoretical_roughness(feed, nose_radius):.1f} um" for feed in change.feeds]
+        radius = change.nose_radius
+        if change.feeds and radius:
+            depths = [f"{theoretical_roughness(feed, radius):.1f} um" for feed in change.feeds]
             roughness = f" (theoretical roughness Rt {' -> '.join(depths)})"
         before = change.before or "new word"
         lines.append(f"  line {change.line}: {before} -> {change.after}{roughness}")
-    highest = max(map(_raised_feed, changed), default=0.0)
-    if highest and not nose_radius:
+    without_radius = [change for change in changed if not change.nose_radius]
+    highest = max(map(_raised_feed, without_radius), default=0.0)
+    if highest:
         # The feed is at most half of the nose radius, as with --nose-radius.
         lines.append(
             f"  feeds up to {highest:.3g} mm/rev need a nose radius of "
@@ -218,8 +238,8 @@ class Row:
     time: float  # [s]
     air_time: float  # at feed in air [s]
     removed: float  # [cm3]
-    force_share: float  # highest [-]
-    power_share: float  # highest [-]
+    force_share: float | None  # highest [-]; None without a limit, or of threads and drills
+    power_share: float | None
     used_life: float  # of an edge [-]
     saves: float  # time that the highest feed within limits would save [s]; 0 for finishing
     remark: str
@@ -236,7 +256,6 @@ class _RowWriter:
 
     def __init__(self, situation: Situation, played: Play) -> None:
         s = situation
-        on = s.engaged
         slices = s.removal.slices
         cycle_pass_of_move = np.array([move.cycle_pass for move in s.moves.moves])
         self._situation = s
@@ -245,18 +264,29 @@ class _RowWriter:
         self._texts = with_line_feeds(s.moves.program.text).split("\n")
         self._time = played.time - s.other_time
         self._load = played.load
-        self._in_air = ~(on | s.threads_and_drills)
+        self._in_air = ~(s.engaged | s.threads_and_drills)
         self._is_outside = _outside_measured(s, played)
         self._finishing = Finishing(s)
         self._highest_feed = np.full(len(played.time), s.max_feed)
-        self._highest_feed[on] = highest_feed(
-            s.scenario,
-            played.cutting_speed[on],
-            spindle_speed=played.spindle_speed[on],
-            depth=slices.depth[on],
-            wear=played.wear[on],
-            max_feed=s.max_feed,
-        )
+        self._min_feed = np.full(len(played.time), s.min_feed)
+        self._has_force_limit = np.zeros(len(played.time), np.bool_)
+        self._has_power_limit = np.zeros(len(played.time), np.bool_)
+        for group in s.groups:
+            # No law is known for threads and drills.
+            has_law = group.slices & ~s.threads_and_drills
+            self._has_force_limit[has_law] = group.laws.has_force_limit
+            self._has_power_limit[has_law] = group.laws.has_power_limit
+            view = s.under(group)
+            on = s.engaged & group.slices
+            self._min_feed[group.slices] = view.min_feed
+            self._highest_feed[on] = highest_feed(
+                group.scenario,
+                played.cutting_speed[on],
+                spindle_speed=played.spindle_speed[on],
+                depth=slices.depth[on],
+                wear=played.wear[on],
+                max_feed=view.max_feed,
+            )
 
     def blocks(self) -> list[NDArray[np.int64]]:
         """Return the indices of the slices of each block at feed."""
@@ -292,8 +322,8 @@ class _RowWriter:
             time=float(self._time[block].sum()),
             air_time=float(self._time[block] @ self._in_air[block]),
             removed=float(slices.volume[block].sum() / 1000.0),
-            force_share=float(played.force_share[block].max()),
-            power_share=float(played.power_share[block].max()),
+            force_share=_highest(played.force_share[block], self._has_force_limit[block]),
+            power_share=_highest(played.power_share[block], self._has_power_limit[block]),
             used_life=float(played.used_life[block].sum()),
             saves=saves,
             remark=self._remark(block, saves),
@@ -305,7 +335,7 @@ class _RowWriter:
         if not s.is_described[metal].any() or self._finishing.is_finishing(metal):
             return 0.0
         feed = self._played.feed[metal].max()
-        highest = max(self._highest_feed[metal].min(), s.min_feed)
+        highest = max(self._highest_feed[metal].min(), self._min_feed[metal].max())
         share = float(feed / highest)
         time = float(self._time[metal].sum())
         return max(time * (1.0 - share), 0.0)
@@ -319,6 +349,16 @@ class _RowWriter:
         if self._is_outside[block].any():
             remark += EXTRAPOLATED
         return remark
+
+
+def _highest(shares: Values, is_known: NDArray[np.bool_]) -> float | None:
+    """Return the highest share of a limit; None if none is known."""
+    known = shares[is_known]
+    return float(known.max()) if known.size else None
+
+
+def _percent(share: float | None) -> str:
+    return "-" if share is None else f"{100 * share:.0f}"
 
 
 _METRIC = {
@@ -351,8 +391,8 @@ def _cells(row: Row, units: Units) -> dict[str, str]:
         "feed": units.cell(row.feed, "mm/rev", ".3f"),
         "time": f"{row.time:.1f}",
         "removed": units.cell(row.removed, "cm3", ".1f"),
-        "force": f"{100 * row.force_share:.0f}",
-        "power": f"{100 * row.power_share:.0f}",
+        "force": _percent(row.force_share),
+        "power": _percent(row.power_share),
         "life": f"{100 * row.used_life:.2f}",
     }
 
@@ -385,7 +425,7 @@ def findings(blocks: Sequence[Row], count: int = 5) -> list[str]:
     sentences = []
     overloads = [row for row in blocks if row.remark.startswith(OVERLOAD)]
     if overloads:
-        shares = [max(row.force_share, row.power_share) for row in overloads]
+        shares = [max(row.force_share or 0.0, row.power_share or 0.0) for row in overloads]
         worst = 100 * max(shares)
         lines = at_lines(row.line for row in overloads)
         sentences.append(f"overload: {lines}; the highest load is {worst:.0f} % of its limit")

@@ -77,7 +77,10 @@ def tool_shape(kind: str, slim: bool = False) -> Values | None:
     match = _WITH_WIDTH.fullmatch(kind)
     is_known = match is not None and match[3] in (None, _MARKS[match[1]])
     if match is None or not (is_known and MIN_WIDTH <= float(match[2]) <= MAX_WIDTH):
-        raise NcError(f"{kind!r} is no kind of tool: {KINDS}, {MIN_WIDTH:g} to {MAX_WIDTH:g} mm")
+        raise NcError(
+            f"{kind!r} is no kind of tool: {KINDS}, {MIN_WIDTH:g} to {MAX_WIDTH:g} mm; "
+            "a scenario's name ends in .toml"
+        )
     family = match[1]
     width = float(match[2])
     is_marked = match[3] is not None

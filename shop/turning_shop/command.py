@@ -20,7 +20,7 @@ from turning_shop.measurements import Measurements, read_measurements
 from turning_shop.units import SYSTEMS, Units, add_units
 
 from turning_env.console import DONE, FAILED, number_within, picture_path, print_json
-from turning_env.files import replace_file
+from turning_env.files import replace_file, write_file
 from turning_env.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -562,11 +562,11 @@ def _advise(options: argparse.Namespace) -> int:
     python -m turning_shop advise my_tool.toml --agent my_agent.onnx
     python -m turning_shop advise --material 42CrMo4 --tool CNMG120408-PM --grade P25 --stock 80x200
     """
-    from turning_shop import start, start_answer
+    from turning_shop import start_answer
     from turning_shop.advise import advise, headline, summary
     from turning_shop.advise_play import play_all
 
-    refuse_existing(options.overwrite, options.sheet, options.page, options.out)
+    refuse_existing(options.overwrite, options.sheet, options.page, options.plan, options.out)
     job = _job(options)
     if job:
         scenario = job.scenario
@@ -590,9 +590,8 @@ def _advise(options: argparse.Namespace) -> int:
         )
         simulated = list(played.headline())
     _draw_advice(options, scenario, evidence=evidence, advice=advice, simulated=simulated)
-    if options.out and job:
-        text = start.toml_of(job, options.out)
-        replace_file(options.out, lambda partial: partial.write_text(text, "utf-8"))
+    if job:
+        _write_job(options, job, advice)
     if options.json:
         record: dict[str, object] = {
             "advice": [entry.as_record() for entry in advice],
@@ -612,7 +611,7 @@ def _advise(options: argparse.Namespace) -> int:
     print("\n".join(lines))
     if played:
         print("", *played.summary(units), sep="\n")
-    for path in (options.sheet, options.page, options.out):
+    for path in (options.sheet, options.page, options.plan, options.out):
         if path:
             print(path)
     return DONE
@@ -641,6 +640,17 @@ def _draw_advice(
 
         page = render(scenario, evidence, advice=advice, simulated=simulated, units=units)
         replace_file(options.page, lambda partial: partial.write_text(page, "utf-8"))
+
+
+def _write_job(options: argparse.Namespace, job: "start.Job", advice: "list[Advice]") -> None:
+    """Write the plan of measurements and the scenario of a job, if they are asked for."""
+    from turning_shop import start, wear_plan
+
+    if options.plan:
+        page = wear_plan.render(job, advice[0].plan, SYSTEMS[options.units])
+        write_file(options.plan, page)
+    if options.out:
+        write_file(options.out, start.toml_of(job, options.out))
 
 
 def _job(options: argparse.Namespace) -> "start.Job | None":
@@ -707,6 +717,7 @@ _CATALOGUE_OPTIONS = (
     "hardness",
     "cut",
     "entering-angle",
+    "plan",
     "out",
 )
 """Options of a job without a scenario."""
@@ -777,6 +788,12 @@ def _add_catalogue_options(parser: argparse.ArgumentParser) -> None:
         help="what the cut is not: smooth, clean, firm, wet; each lowers the speed",
     )
     add("--out", type=Path, metavar="TOML", help="scenario to write, for map, whatif, program")
+    add(
+        "--plan",
+        type=Path,
+        metavar="HTML",
+        help="page to print: which wear to measure, what it narrows, boxes for readings",
+    )
 
 
 def _stock(text: str) -> "start_question.Stock":

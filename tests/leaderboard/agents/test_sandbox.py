@@ -63,6 +63,37 @@ def test_descriptors_that_were_left_open_are_closed(tmp_path: Path) -> None:
     assert (tmp_path / "open").read_bytes() == b""
 
 
+def test_a_process_is_confined_to_3_gibibytes_and_ten_minutes() -> None:
+    program = """
+import socket, struct, sys
+wire = socket.socket(fileno=0)
+limits = " ".join(sys.argv[1:]).encode()
+wire.sendall(struct.pack("<cQ", b"M", 0))
+wire.sendall(struct.pack("<cQ", b"E", len(limits)) + limits)
+wire.recv(100)
+"""
+    # Memory is in MiB, processor time in seconds.
+    with pytest.raises(AgentFileError, match=r"^3072 600 "):
+        Sandbox(b"content", program=program)
+
+
+@linux
+def test_the_limit_of_memory_is_in_mebibytes() -> None:
+    program = """
+from leaderboard.agents.confinement import limit
+limit(256, 10)
+print(len(bytearray(64 * 2**20)))
+try:
+    bytearray(300 * 2**20)
+except MemoryError:
+    print("no more")
+"""
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    command = [sys.executable, "-c", program]
+    ended = subprocess.run(command, capture_output=True, text=True, env=environment, check=True)
+    assert ended.stdout.split("\n") == [str(64 * 2**20), "no more", ""]
+
+
 def test_missing_protection_is_said(capsys: pytest.CaptureFixture[str]) -> None:
     program = """
 import socket, struct

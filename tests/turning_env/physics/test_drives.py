@@ -106,6 +106,7 @@ def test_commands_queue_up_behind_the_first_one(step_count):
         pytest.param(0.5, 3, 200.0, 0.2, id="first sub-step, a step ago"),
         pytest.param(0.5, 2, 200.0, 0.2, id="second, a step ago"),
         pytest.param(0.5, 1, 100.0, 0.1, id="third, now"),
+        pytest.param(0.5, 0, 100.0, 0.1, id="fourth, now"),
         pytest.param(0.375, 2, 150.0, 0.15, id="half of the second"),
         pytest.param(1.0, 0, 200.0, 0.2, id="a whole step"),
         pytest.param(1.5, 2, 300.0, 0.3, id="a step and a half, first half"),
