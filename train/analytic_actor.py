@@ -126,7 +126,7 @@ class GruActor(Actor):
         self.memory_size = cells
         self.encoder = torch.nn.Linear(entries, cells)
         self.memory_cell = torch.nn.GRUCell(cells, cells)
-        self.hidden = torch.nn.Linear(cells + entries, cells)
+        self.hidden: torch.nn.Module = torch.nn.Linear(cells + entries, cells)
         outputs = self.commands.targets + self.commands.changes_edges
         self.head = torch.nn.Linear(cells, outputs)
         # The first targets are near the middles of the ranges, and edges are not changed: both
