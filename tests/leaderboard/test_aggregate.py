@@ -258,6 +258,17 @@ def test_each_kind_has_its_best_policy(make_result: MakeResult) -> None:
     assert row["best privileged agent"] == "`taught` 90"
 
 
+def test_agents_represent_no_kind_where_they_have_no_rank(make_scores: MakeTask) -> None:
+    """On Paper, learning games the wear rule."""
+    paper = make_scores("RoughTurning-Paper-v0", "fixed_tuned", rule=-10.0, agent=(9.0, 9.0))
+    best = {kind.title: paper.best(kind) for kind in KINDS}
+    assert best[aggregate.BEST_AGENT] is None
+    assert best["best model-free agent"] is None
+    assert best["best rule"] == "predictive"
+    assert best["oracle"] == "causal"
+    assert not paper.has("ppo")
+
+
 def test_policies_that_are_not_certainly_feasible_are_marked(make_result: MakeResult) -> None:
     on = task_on("RoughTurning-v0")
     board = leaderboard_of(

@@ -639,6 +639,33 @@ def test_jobs_of_families_by_hand(make_result: MakeResult, family_task: Task) ->
     assert rule.operation.minutes is None
 
 
+def test_the_best_rule_with_true_laws_has_no_lead_over_truth(
+    make_result: MakeResult, family_task: Task
+) -> None:
+    best = spec("best", knows="true_laws")
+    second = spec("second", knows="true_laws")
+    standings = rank(
+        [
+            make_result("best", policy=best, on=family_task, returns=50.0, reward_metal=100.0),
+            make_result("second", policy=second, on=family_task, returns=20.0, reward_metal=100.0),
+        ]
+    )
+    first, other = standings
+    assert first.leads.over_truth is None
+    assert value(other.leads.over_truth) == pytest.approx(-30.0)
+
+
+def test_policies_of_equal_cost_keep_the_order_of_rank(make_result: MakeResult) -> None:
+    standings = standings_of(
+        [
+            make_result("a", removed=300.0, returns=1.0),
+            make_result("b", removed=300.0, returns=2.0),
+        ]
+    )
+    places = {name: standing.constraint_rank for name, standing in standings.items()}
+    assert places == {"b": 1, "a": 2}
+
+
 @pytest.mark.parametrize(("worth", "share"), [(0.5, 3.0), (0.0, None)])
 def test_jobs_without_metal_have_no_share_of_its_worth(
     worth: float, share: float | None, make_result: MakeResult, family_task: Task
