@@ -239,8 +239,12 @@ class _Planner:
 
 
 def _highest_load(situation: Situation, played: Play) -> float:
-    """Return the highest load of the tools that the scenario describes [-]."""
-    return float(played.load[situation.is_described].max(initial=0.0))
+    """Return the highest load of the metal that described tools turn [-].
+
+    Words of threads and drills stay, so that their loads do not change.
+    """
+    turned = situation.is_described & situation.engaged
+    return float(played.load[turned].max(initial=0.0))
 
 
 def _used_edges(played: Play, is_tool: NDArray[np.bool_]) -> float:

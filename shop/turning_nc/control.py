@@ -165,7 +165,6 @@ class Control(Modal, ABC):
     @contextlib.contextmanager
     def thread_feed(self, lead: float) -> Iterator[None]:
         """Move with the lead of a thread, in the program's units per revolution."""
-        self.note("the load of threads is not computed")
         feed = self.feed
         per_revolution = self.per_revolution
         self.feed = Setting(lead * self.length_scale)

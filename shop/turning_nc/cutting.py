@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from turning_nc.kinds import DRILL, check_called
+from turning_nc.chips import drilled_thickness, drilled_width, thread_chips
+from turning_nc.kinds import DRILL, check_called, diameter_of_drill
 from turning_nc.moves import Moves
 from turning_nc.removal import MIN_DEPTH, RADIUS, Removal
 from turning_nc.words import NcError
@@ -99,6 +100,7 @@ class Situation:
             computed with its laws, too, but say little of them.
         own_laws: the tools with laws of their own.
         groups: all tools, by their laws.
+        unknown: slices whose load is not known, by the reason.
 
     All other attributes are arrays over the slices. They do not change with feed and speed:
 
@@ -108,8 +110,12 @@ class Situation:
       programmed one [m/min], or [rev/min] if not constant.
     * ``max_spindle`` is the highest spindle speed [rev/min].
     * ``other_time`` is the time of rapid moves, dwells and tool changes [s].
-    * ``fed`` marks slices that are run at feed, ``threads_and_drills`` those of them for which no
-      load is computed, and ``engaged`` those that turn metal.
+    * ``fed`` marks slices that are run at feed, ``threads_and_drills`` those of them that thread
+      or drill, and ``engaged`` those that turn metal.
+    * ``loaded`` marks slices with a law of power: ``engaged`` ones, and ``drilled`` and
+      ``threaded`` ones, which are drills and threads in metal.
+    * ``chip_width`` is the width of their chips [mm]: the depth of cut where they turn.
+    * ``diameter`` is that at which they are cut [mm]: twice the radius, or that of the drill.
     * ``is_described`` marks the slices of the tools that the scenario or their own laws describe.
     * ``by_tool`` marks the slices of each tool, in the order of their first use.
     """
@@ -192,6 +198,7 @@ class Situation:
         self.described = tuple(described) or main_tool
         self.is_described = np.isin(self.tool, [*self.described, *own_laws])
         self.groups = self._groups()
+        self._add_chips(is_thread)
 
     def _groups(self) -> list[ToolGroup]:
         """Return all tools by their laws, in the order of their first use."""
@@ -217,6 +224,52 @@ class Situation:
         view.evidence = group.laws.evidence
         view.is_described = self.is_described & group.slices
         return view
+
+    def _add_chips(self, is_thread: NDArray[np.bool_]) -> None:
+        """Add the chips of all slices, and the slices whose chips are not known."""
+        slices = self.removal.slices
+        self.diameter = 2.0 * slices.radius
+        self.chip_width = slices.depth.copy()
+        self.unknown: dict[str, NDArray[np.bool_]] = {}
+        drilled = np.zeros(len(self.tool), np.bool_)
+        for tool, kind in self.removal.tools.items():
+            is_drill = self.by_tool[tool] & self.fed & ~is_thread
+            diameter = diameter_of_drill(kind)
+            if diameter is not None:
+                self.diameter[is_drill] = diameter
+                drilled |= is_drill & (slices.depth > MIN_DEPTH)
+            elif kind == DRILL:
+                self.unknown[f"give --tool {tool}=drill:DIAMETER"] = is_drill
+        self.chip_width[drilled] = drilled_width(
+            slices.volume[drilled], slices.length[drilled], diameter=self.diameter[drilled]
+        )
+        self.drilled = drilled
+
+        moves = self.moves.moves
+        thickness = np.zeros(len(moves))
+        width = np.zeros(len(moves))
+        unknown_moves: dict[str, list[int]] = {}
+        for index, chip in thread_chips(moves, self.removal.part).items():
+            if chip is not None:
+                thickness[index] = chip.thickness
+                width[index] = chip.width
+                continue
+            move = moves[index]
+            reason = f"{move.tool} meets no metal at the thread's root: give --stock"
+            if abs(move.path.end.x) < MIN_RADIUS:
+                reason = "taps have no law"
+            unknown_moves.setdefault(reason, []).append(index)
+        for reason, indices in unknown_moves.items():
+            self.unknown[reason] = np.isin(slices.move, indices)
+        self.thread_thickness = thickness[slices.move]
+        self.chip_width += width[slices.move]
+        self.threaded = self.thread_thickness > 0.0
+        self.loaded = self.engaged | drilled | self.threaded
+
+    def chip_thickness(self, feed: Values) -> Values:
+        """Return the thickness of the chips of all slices at their feeds [mm/rev], in mm."""
+        thickness = np.where(self.drilled, drilled_thickness(feed), feed)
+        return np.where(self.threaded, self.thread_thickness, thickness)
 
     def _main_tool(self) -> tuple[str, ...]:
         """Return the insert that turns most metal, outside if one does; empty if none turns."""
@@ -264,8 +317,9 @@ class Play:
     wear: Values  # flank wear of the slice's edge after it [mm]
     change_wear: Values  # flank wear at which the slice's edge is changed [mm]
     life_at_change: Values  # share of the tool life that has passed then, by the nominal law [-]
-    force_share: Values  # over the scenario's limit [-]; 0 if it has none
+    force_share: Values  # over its law's limit [-]; 0 if it has none, and of threads and drills
     power_share: Values
+    power: Values  # at the cut, without the idle power [kW]
 
     @property
     def load(self) -> Values:
@@ -297,7 +351,7 @@ def motion(situation: Situation, feed: Values, speed: Values) -> Motion:
     feed_time = np.where(s.fed, 60.0 * slices.length / np.where(s.fed, velocity, 1.0), 0.0)
     return Motion(
         time=s.other_time + feed_time,
-        cutting_speed=cutting_speed_at(turns, diameter=diameters(slices.radius)),
+        cutting_speed=cutting_speed_at(turns, diameter=np.maximum(s.diameter, 2.0 * MIN_RADIUS)),
         feed=np.where(s.fed, per_turn, 0.0),
         spindle_speed=turns,
     )
@@ -380,6 +434,8 @@ def play(
     worn = np.zeros(count)
     force_share = np.zeros(count)
     power_share = np.zeros(count)
+    power = np.zeros(count)
+    thickness = s.chip_thickness(moved.feed)
     for group in s.groups:
         scenario = group.scenario
         on = s.engaged & group.slices
@@ -393,11 +449,22 @@ def play(
             used = np.cumsum(used_life[is_tool])
             life = np.maximum(end - used[-1], 0.0) + used
             worn[is_tool] = wear_at(scenario, np.minimum(life, end))
-        shares = _load_shares(scenario, moved, on, depth=depth[on], wear=worn[on])
+        loaded = s.loaded & group.slices
+        turns_metal = s.engaged[loaded]
+        loads = loads_of_cuts(
+            scenario,
+            moved.cutting_speed[loaded],
+            feed=thickness[loaded],
+            depth=s.chip_width[loaded],
+            wear=np.where(turns_metal, worn[loaded], _wear_of_other_edges(scenario)),
+        )
+        shares = _load_shares(scenario, loads, spindle_speed=moved.spindle_speed[loaded])
+        power[loaded] = loads.power
         if group.laws.has_force_limit:
-            force_share[on] = shares.thrust_force
+            # The thrust and its limit are those of inserts that turn.
+            force_share[loaded] = np.where(turns_metal, shares.thrust_force, 0.0)
         if group.laws.has_power_limit:
-            power_share[on] = shares.power
+            power_share[loaded] = shares.power
     return Play(
         time=moved.time,
         cutting_speed=moved.cutting_speed,
@@ -409,20 +476,29 @@ def play(
         life_at_change=life_at_change,
         force_share=force_share,
         power_share=power_share,
+        power=power,
     )
 
 
-def _load_shares(
-    scenario: Scenario, moved: Motion, on: NDArray[np.bool_], depth: Values, wear: Values
-) -> LoadShares:
-    """Return the loads of marked slices over their limits, with the idle power."""
-    cut = loads_of_cuts(scenario, moved.cutting_speed[on], moved.feed[on], depth=depth, wear=wear)
-    spindle = spindle_as_cutting_speed(scenario, moved.spindle_speed[on])
+def _load_shares(scenario: Scenario, loads: Loads, spindle_speed: Values) -> LoadShares:
+    """Return the loads of cuts over their limits, with the idle power."""
+    spindle = spindle_as_cutting_speed(scenario, spindle_speed)
     return load_shares(
-        Loads(cut.thrust_force, power=cut.power + idle_power_at(scenario, spindle)),
+        Loads(loads.thrust_force, power=loads.power + idle_power_at(scenario, spindle)),
         scenario.limits,
         capacity=capacity_at(scenario, spindle),
     )
+
+
+def _wear_of_other_edges(scenario: Scenario) -> float:
+    """Return the flank wear at which drills and threading tools cut [mm] (assumption).
+
+    Their wear has no law, so they count as sharp. A law of power that vanishes without wear holds
+    for worn edges only, so they count as worn out.
+    """
+    law = scenario.material.power
+    is_of_worn_edges = law.wear > 0.0 and law.wear_growth == 0.0
+    return scenario.tool.wear_criterion if is_of_worn_edges else 0.0
 
 
 def tool_life(scenario: Scenario, cutting_speed: Values, feed: Values, depth: Values) -> Values:

@@ -85,7 +85,11 @@ def change_wear(situation: Situation) -> Values:
                 lasting.append(played)
         if not lasting:
             lasting = plays[-1:]
-        within_limits = [played for played in lasting if played.load[is_tool].max() <= 1.0]
+        # An earlier change does not lower the loads of threads and drills.
+        turned = is_tool & situation.engaged
+        within_limits = [
+            played for played in lasting if played.load[turned].max(initial=0.0) <= 1.0
+        ]
         best = within_limits[-1] if within_limits else lasting[0]
         chosen[is_tool] = best.change_wear[is_tool]
     return chosen

@@ -107,6 +107,12 @@ def check_called(names: Iterable[str], tools: Collection[str]) -> None:
         raise NcError(text)
 
 
+def diameter_of_drill(kind: str) -> float | None:
+    """Return the diameter of a drill [mm]; None if it is not known, or the tool is no drill."""
+    family, _, diameter = kind.partition(":")
+    return float(diameter) if family == DRILL and diameter else None
+
+
 def cuts(move: Move) -> bool:
     """Return whether a move is one at feed, and not so fast that it only places the tool."""
     is_fast = move.per_revolution and move.feed.value > MAX_CUTTING_FEED

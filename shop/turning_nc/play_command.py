@@ -15,8 +15,18 @@ from turning_nc.dialects import DIALECTS
 from turning_nc.kinds import check_called
 from turning_nc.plausibility import implausible
 from turning_nc.program_files import read_program
-from turning_nc.report import Row, Summary, changes, comparison, findings, rows, summary, table
-from turning_nc.words import NcError, PartProgram, naming
+from turning_nc.report import (
+    UNKNOWN_LOAD,
+    Row,
+    Summary,
+    changes,
+    comparison,
+    findings,
+    rows,
+    summary,
+    table,
+)
+from turning_nc.words import NcError, PartProgram, at_lines, naming
 from turning_shop import refuse_existing
 from turning_shop.allowed import limited_by_bending, limited_by_strength
 from turning_shop.prediction import Evidence
@@ -210,6 +220,7 @@ def _play(options: argparse.Namespace, laws: _Laws, tools: _Tools) -> _Results:
         notes += laws.notes
         notes += _holder_notes(laws.scenario, others)
     notes += _law_notes(situation)
+    notes += _chip_notes(situation)
     notes += edges.beyond(situation, played)
     return _Results(
         program=program,
@@ -265,6 +276,24 @@ def _law_notes(situation: cutting.Situation) -> list[str]:
         f"the scenario is taken to describe the insert of {described} (assumption; --law-of sets "
         f"it); loads and wear of {', '.join(sorted(others))} follow the same laws"
     ]
+
+
+def _chip_notes(situation: cutting.Situation) -> list[str]:
+    """Return notes on what is assumed of drills and threads, and on loads that are not known."""
+    notes = []
+    if situation.drilled.any():
+        notes.append(
+            "drills are taken as sharp, with two edges and a point of 118 degrees (assumption)"
+        )
+    if situation.threaded.any():
+        notes.append(
+            "threads are taken as cut by a sharp tool of 60 degrees that goes in radially, with "
+            "one start (assumption)"
+        )
+    for reason, mask in situation.unknown.items():
+        lines = set(situation.line[mask].tolist())
+        notes.append(f"{at_lines(lines)}: {UNKNOWN_LOAD}: {reason}")
+    return notes
 
 
 def _laws_by_tool(options: argparse.Namespace, situation: cutting.Situation) -> dict[str, str]:

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from turning_nc.kinds import DRILL, ToolKinds
+from turning_nc.kinds import DRILL, ToolKinds, diameter_of_drill
 from turning_nc.metal import Metal, overlaps
 from turning_nc.moves import Move, Moves
 from turning_nc.paths import Point
@@ -133,7 +133,8 @@ def _notes(
             )
     for name, kind in kinds.items():
         if kind not in ("outside", DRILL) and name not in given:
-            notes.append(f"tool {name} is taken as {kind}; --tool {name}=KIND sets it")
+            size = ", and its loads are those of this width" if "groove" in kind else ""
+            notes.append(f"tool {name} is taken as {kind}{size}; --tool {name}=KIND sets it")
     for name in kinds:
         if name in in_solid:
             notes.append(
@@ -382,9 +383,9 @@ def _radii_of_drills(kinds: Mapping[str, str]) -> dict[str, float]:
     """Return the radii of the drills whose diameters are known [mm]."""
     radii = {}
     for name, kind in kinds.items():
-        family, _, diameter = kind.partition(":")
-        if family == DRILL and diameter:
-            radii[name] = 0.5 * float(diameter)
+        diameter = diameter_of_drill(kind)
+        if diameter is not None:
+            radii[name] = 0.5 * diameter
     return radii
 
 

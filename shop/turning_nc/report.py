@@ -3,8 +3,9 @@
 ``plausibility`` finds mistakes of programs; ``command`` prints both.
 """
 
+import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -23,8 +24,16 @@ from turning_shop.units import METRIC, Units
 MIN_WASTE = 1.0  # time that a block must be able to save to be named [s]
 MAX_TEXT = 36  # characters of a block that are shown
 OVERLOAD = "OVERLOAD"
+UNKNOWN_LOAD = "load unknown"
 EXTRAPOLATED = " *"
 """Mark of what lies outside the range in which the scenario's laws were measured."""
+
+
+class Drive(NamedTuple):
+    """Highest loads at the cut of a tool that threads or drills."""
+
+    power: float  # [kW]
+    torque: float  # [N m]
 
 
 @dataclass(frozen=True)
@@ -46,6 +55,8 @@ class Summary:
     extrapolated: tuple[str, ...]  # tools that cut outside of what was measured
     cost: float  # of a part, edges and their changes included
     cost_unit: str  # currency, or "min" of machine time if no hourly rate is stated
+    # Of the tools that thread or drill metal, by their names.
+    drives: dict[str, Drive] = field(default_factory=dict)
     # Theoretical roughness Rt of the highest feed in metal [um]; 0 if no nose radius is stated.
     max_roughness: float = 0.0
 
@@ -70,6 +81,11 @@ class Summary:
         lines.append(f"cost: {self.cost_text}, edges and their changes included")
         if self.max_roughness > 0.0:
             lines.append(f"highest theoretical roughness: Rt {self.max_roughness:.1f} um")
+        for tool, drive in self.drives.items():
+            lines.append(
+                f"{tool} threads or drills: up to {drive.power:.3g} kW and {drive.torque:.3g} N m "
+                "at the cut"
+            )
         for tool in self.parts:
             life = f"{100 * self.used_life[tool]:.2f} % of the tool life a part"
             lines.append(f"{tool}: {life}, {self.edge_change(tool)}")
@@ -133,8 +149,22 @@ def summary(situation: Situation, played: Play) -> Summary:
         extrapolated=tuple(extrapolated),
         cost=cost,
         cost_unit=prices.unit,
+        drives=_drives(situation, played),
         max_roughness=_max_roughness(situation, played),
     )
+
+
+def _drives(situation: Situation, played: Play) -> dict[str, Drive]:
+    """Return the highest loads of the tools that thread or drill metal, by tool."""
+    loaded = situation.loaded & ~situation.engaged
+    turns = np.where(loaded, played.spindle_speed, 1.0)
+    torque = 30_000.0 / math.pi * played.power / turns  # from kW and rev/min to N m
+    drives = {}
+    for tool, is_tool in situation.by_tool.items():
+        cut = loaded & is_tool
+        if cut.any():
+            drives[tool] = Drive(float(played.power[cut].max()), torque=float(torque[cut].max()))
+    return drives
 
 
 def _cost_of_edge(prices: Prices, group: ToolGroup) -> float:
@@ -239,8 +269,8 @@ class Row:
     air_time: float  # at feed in air [s]
     removed: float  # [cm3]
     force_share: float | None  # highest [-]; None without a limit, or of threads and drills
-    power_share: float | None
-    used_life: float  # of an edge [-]
+    power_share: float | None  # highest [-]; None without a limit, or if the load is not known
+    used_life: float | None  # of an edge [-]; None for threads and drills
     saves: float  # time that the highest feed within limits would save [s]; 0 for finishing
     remark: str
 
@@ -272,10 +302,10 @@ class _RowWriter:
         self._has_force_limit = np.zeros(len(played.time), np.bool_)
         self._has_power_limit = np.zeros(len(played.time), np.bool_)
         for group in s.groups:
-            # No law is known for threads and drills.
-            has_law = group.slices & ~s.threads_and_drills
-            self._has_force_limit[has_law] = group.laws.has_force_limit
-            self._has_power_limit[has_law] = group.laws.has_power_limit
+            # Threads and drills have no law of the thrust force.
+            turns = group.slices & ~s.threads_and_drills
+            self._has_force_limit[turns] = group.laws.has_force_limit
+            self._has_power_limit[group.slices] = group.laws.has_power_limit
             view = s.under(group)
             on = s.engaged & group.slices
             self._min_feed[group.slices] = view.min_feed
@@ -287,6 +317,8 @@ class _RowWriter:
                 wear=played.wear[on],
                 max_feed=view.max_feed,
             )
+        for mask in s.unknown.values():
+            self._has_power_limit[mask] = False
 
     def blocks(self) -> list[NDArray[np.int64]]:
         """Return the indices of the slices of each block at feed."""
@@ -306,9 +338,11 @@ class _RowWriter:
         played = self._played
         slices = s.removal.slices
         metal = block[s.engaged[block]]
-        cut = metal if metal.size else block
+        loaded = block[s.loaded[block]]
+        cut = loaded if loaded.size else block
         line = int(s.line[block[0]])
-        radius = slices.radius[cut]
+        diameter = s.diameter[cut]
+        turns = not s.threads_and_drills[block].all()
         saves = self._saved_time(metal)
         return Row(
             line=line,
@@ -316,7 +350,7 @@ class _RowWriter:
             tool=str(s.tool[block[0]]),
             text=self._texts[line - 1].strip()[:MAX_TEXT],
             depth=float(slices.depth[metal].max(initial=0.0)),
-            diameters=(2.0 * float(radius.min()), 2.0 * float(radius.max())),
+            diameters=(float(diameter.min()), float(diameter.max())),
             feed=float(played.feed[cut].max()),
             cutting_speed=float(played.cutting_speed[cut].max()),
             time=float(self._time[block].sum()),
@@ -324,10 +358,17 @@ class _RowWriter:
             removed=float(slices.volume[block].sum() / 1000.0),
             force_share=_highest(played.force_share[block], self._has_force_limit[block]),
             power_share=_highest(played.power_share[block], self._has_power_limit[block]),
-            used_life=float(played.used_life[block].sum()),
+            used_life=float(played.used_life[block].sum()) if turns else None,
             saves=saves,
-            remark=self._remark(block, saves),
+            remark=self._why_unknown(block) or self._remark(block, saves),
         )
+
+    def _why_unknown(self, block: NDArray[np.int64]) -> str:
+        """Return that the load of a block is unknown, and why; empty if it is known."""
+        for reason, mask in self._situation.unknown.items():
+            if mask[block].any():
+                return f"{UNKNOWN_LOAD}: {reason}"
+        return ""
 
     def _saved_time(self, metal: NDArray[np.int64]) -> float:
         """Return the time that the highest feed would save at the same speed [s]."""
@@ -357,8 +398,8 @@ def _highest(shares: Values, is_known: NDArray[np.bool_]) -> float | None:
     return float(known.max()) if known.size else None
 
 
-def _percent(share: float | None) -> str:
-    return "-" if share is None else f"{100 * share:.0f}"
+def _percent(share: float | None, form: str = ".0f") -> str:
+    return "-" if share is None else format(100 * share, form)
 
 
 _METRIC = {
@@ -393,7 +434,7 @@ def _cells(row: Row, units: Units) -> dict[str, str]:
         "removed": units.cell(row.removed, "cm3", ".1f"),
         "force": _percent(row.force_share),
         "power": _percent(row.power_share),
-        "life": f"{100 * row.used_life:.2f}",
+        "life": _percent(row.used_life, ".2f"),
     }
 
 

@@ -88,14 +88,16 @@ def test_every_tool_with_laws_is_adapted_by_them() -> None:
     assert own.played.load.max() <= 1.001
 
 
-def test_the_load_of_a_drill_is_unknown_rather_than_0() -> None:
+def test_thrust_and_life_of_a_drill_are_unknown_rather_than_0() -> None:
     made = moves("G21 G99\nT0101\nG97 S800 M3\nG0 X0. Z2.\nG1 Z-20. F0.1\nG0 Z2.\n")
     removal = remove(made, read_stock("bar:60x80"), {"T0101": "drill:20"})
     situation = Situation(SCENARIO, Machine(), made, removal)
     (row,) = rows(situation, play(situation, 0.2))
     assert row.removed > 1.0
     assert row.force_share is None
-    assert row.power_share is None
+    assert row.used_life is None
+    assert row.power_share is not None
+    assert row.power_share > 0.1
 
 
 def test_a_tool_with_laws_is_not_described_by_the_command_s() -> None:
