@@ -45,7 +45,7 @@ def drawn_sheet(
 ) -> Measurements:
     """Return a file of readings that were drawn as public data scatter, at the plan's stops."""
     material = job.scenario.material
-    settings = tuple(float(value) for value in best.cuts[:3])
+    speed, feed, depth = (float(value) for value in best.cuts[:3])
     path = folder / "readings.csv"
     with path.open("w", newline="") as file:
         sheet = csv.writer(file)
@@ -56,11 +56,11 @@ def drawn_sheet(
             for stop in stops(job, best):
                 wear_error = READING_ERROR["wear"] * rng.standard_normal()
                 power_error = READING_ERROR["power"] * rng.standard_normal()
-                wear = float(material.wear(*settings, time=stop.time))
+                wear = float(material.wear(speed, feed, depth, time=stop.time))
                 wear *= np.exp(level + wear_error)
-                power = float(material.power(*settings, wear=wear))
+                power = float(material.power(speed, feed, depth, wear=wear))
                 power *= np.exp(load + power_error)
-                sheet.writerow([edge, *settings, stop.time, wear, power])
+                sheet.writerow([edge, speed, feed, depth, stop.time, wear, power])
     return read_measurements(path)
 
 
