@@ -147,7 +147,7 @@ class RoughTurningEnv(BaseEnv, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
 
     | Index | Entry | Meaning | Range |
     |---|---|---|---|
-    | 0 | power | measured power: `5 * (power / limit - 1)` | -5 to 15 |
+    | 0 | power | measured power: `5 * (power / limit at this speed - 1)` | -5 to 15 |
     | 1 | thrust_force | measured thrust force: `5 * (force / limit - 1)` | -5 to 15 |
     | 2 | cutting_speed | actual cutting speed, log scale, -1 lowest, 1 highest | -1 to 1 |
     | 3 | feed | actual feed, log scale, -1 lowest, 1 highest | -1 to 1 |

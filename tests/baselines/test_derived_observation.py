@@ -36,6 +36,7 @@ def test_the_entries_of_a_job_are_as_computed_by_hand():
     power = info["measured_power"] / (capacity * scenario.limits.power)
     force = info["measured_thrust_force"] / scenario.limits.thrust_force
     base_speed = math.pi * scenario.workpiece.diameter * scenario.spindle.base_speed / 1000.0
+    highest_feed = min(scenario.swarf.chip_feed_max, scenario.machine.feed_max)
     speed = info["commanded_cutting_speed"]
     feed = info["commanded_feed"]
     expected = {
@@ -43,7 +44,7 @@ def test_the_entries_of_a_job_are_as_computed_by_hand():
         "speed_over_optimum": 3.0 * math.log(speed / job.cutting_speed),
         "feed_over_optimum": 3.0 * math.log(feed / job.feed),
         "feed_over_lowest": 3.0 * math.log(feed / scenario.swarf.chip_feed_min),
-        "feed_below_highest": 3.0 * math.log(scenario.swarf.chip_feed_max / feed),
+        "feed_below_highest": 3.0 * math.log(highest_feed / feed),
         "speed_over_base_speed": 3.0 * math.log(info["cutting_speed"] / base_speed),
     }
     assert derived(observation) == pytest.approx(expected, abs=1e-4)

@@ -134,7 +134,7 @@ def test_every_rule_and_oracle_has_a_result(env_id: str, preset: str) -> None:
 
 SPLITS_OF_FAMILIES = ("unseen_jobs", "unseen_machines", "unseen_materials")
 KNOWING = {
-    "shop": "self_tuning with true laws",
+    "shop": "predictive with true laws",
     "unmodelled": KNOWN_FORMS,
 }
 """The policy of each family that knows what its nominal models lack."""

@@ -10,7 +10,7 @@ import torch
 
 from leaderboard import score
 from leaderboard.agents import onnx_policy
-from leaderboard.agents.agent_file import informed
+from leaderboard.agents.agent_file import informed, seen_space
 from leaderboard.play import play_family
 from leaderboard.seeds import TUNING_START
 from tests.train.small import ALGORITHMS, SCENARIO, Interruption, small_run
@@ -22,7 +22,7 @@ from train.terms import Terms
 from train.training import SEED_STRIDE, SEEDS, Algorithm, new_model, train
 from turning_env import FAMILY_ID, IDS, Family, RoughTurningVectorEnv, Scenario
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
-from turning_env.batch.driver import action_space, observation_space
+from turning_env.batch.driver import action_space
 
 PPO = ALGORITHMS["ppo"]
 
@@ -140,7 +140,8 @@ def test_there_is_an_agent_for_every_id_that_it_plays(algorithm: Algorithm, tmp_
         run.begin()
         new_model(run, algorithm).save(run.policy)
         actor = algorithm.actor(run)
-        observation = torch.from_numpy(observation_space(scenario).sample()[None])
+        seen = seen_space(run.env_id, scenario, run.parameters)
+        observation = torch.from_numpy(seen.sample()[None])
         action, memory = actor(observation, torch.zeros(1, actor.memory_size))
         assert action.shape == (1, *(action_space(scenario).shape or ()))
         assert memory.shape == (1, actor.memory_size)
