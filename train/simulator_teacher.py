@@ -121,7 +121,7 @@ class Charge(NamedTuple):
 
 
 class Lesson(NamedTuple):
-    """What the simulator teaches about a step; arrays of shape (num_envs, ...)."""
+    """Gradients and earnings of a step by trials; arrays of shape (num_envs, ...)."""
 
     gradient: NDArray[np.float32]
     """Minus the derivative of the cost per distance, times the step's distance, by the logarithms

@@ -85,7 +85,7 @@ class _Laws:
 
 @dataclass(frozen=True)
 class _Tools:
-    """What --tool states."""
+    """The kinds and the scenarios of tools that ``--tool`` states."""
 
     kinds: dict[str, str]  # by the names of the tools
     laws: dict[str, _Laws]

@@ -51,7 +51,7 @@ class Interval(NamedTuple):
 
 
 class Known(NamedTuple):
-    """What is known at the advised cut, by edges that were measured."""
+    """Intervals of life and power at the advised cut after some edges were measured."""
 
     edges: int  # 0: only the catalogue
     life: Interval  # cutting time of a usual edge up to its change [min]
