@@ -156,10 +156,12 @@ def test_a_feed_near_the_end_of_the_window_is_drawn_inside(
 
 def test_an_edge_is_charged_one_stop_while_it_wears_out() -> None:
     scenario = Scenario.load("shift")
-    wear = 0.95 * scenario.tool.wear_criterion
+    wear = 0.99 * scenario.tool.wear_criterion
+    unbreakable = {"edge_strength": 1e6, "edge_strength_spread": 0.0}
     stop = {"unplanned_stop": 1000.0}
-    dear = in_the_cut(changed(scenario, mismatch={"initial_wear": wear}, economics=stop), steps=3)
-    job = job_of(changed(scenario, economics=stop))
+    scenario = changed(scenario, tool=unbreakable, economics=stop)
+    dear = in_the_cut(changed(scenario, mismatch={"initial_wear": wear}), steps=3)
+    job = job_of(scenario)
     earned = np.zeros(NUM_ENVS)
     going = np.ones(NUM_ENVS, np.bool_)
     start = dear.term("used_life").copy()
