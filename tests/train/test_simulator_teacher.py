@@ -146,7 +146,7 @@ def test_a_feed_near_the_end_of_the_window_is_drawn_inside(
     env = in_the_cut("shift", steps=3)
     feed = float(env.term("feed")[0])
     ends = {"chip_feed_min": window[0] * feed, "chip_feed_max": window[1] * feed}
-    actions = np.tile(np.float32([0.0, 0.0, -1.0]), (NUM_ENVS, 1))
+    actions = np.tile(np.array([0.0, 0.0, -1.0], np.float32), (NUM_ENVS, 1))
     lessons = []
     for rate in (0.0, 20.0):
         tangling = changed("shift", swarf={"tangle_rate": rate, **ends})
@@ -247,7 +247,7 @@ def test_a_worn_edge_earns_less_than_a_fresh_one_even_where_it_is_changed() -> N
     wear = 0.97 * scenario.tool.wear_criterion
     worn = in_the_cut(changed(scenario, mismatch={"initial_wear": wear}), steps=3)
     fresh = in_the_cut(scenario, steps=3)
-    actions = np.tile(np.float32([0.0, 0.0, 1.0]), (NUM_ENVS, 1))
+    actions = np.tile(np.array([0.0, 0.0, 1.0], np.float32), (NUM_ENVS, 1))
     earned_worn = worn.lesson(actions).going_on
     earned_fresh = fresh.lesson(actions).going_on
     assert np.median(earned_worn) < np.median(earned_fresh)
