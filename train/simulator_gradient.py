@@ -50,7 +50,8 @@ class SetPointActor(GruActor):
     def __init__(self, scenario: Scenario, entries: int, cells: int) -> None:
         super().__init__(scenario, entries, cells)
         wide = torch.nn.Linear(cells + entries, 2 * cells)
-        self.hidden = torch.nn.Sequential(wide, torch.nn.ReLU(), torch.nn.Linear(2 * cells, cells))
+        narrow = torch.nn.Linear(2 * cells, cells)
+        self.hidden: Any = torch.nn.Sequential(wide, torch.nn.ReLU(), narrow)
 
 
 class AveragedPolicy(torch.nn.Module):
@@ -295,7 +296,7 @@ DEFAULTS: dict[str, Any] = {
     "average_decay": 0.998,  # share of the averaged network that an update leaves
     "reward_scale": 1.0,  # the gradient does not use rewards
     "memory": True,  # the GRU remembers
-    "derived": True,  # shows the inputs of baselines/derived_observation.py
+    "derived": False,  # shows the inputs of baselines/derived_observation.py
 }
 
 SEARCH = {

@@ -41,8 +41,16 @@ LOG_PROBE = 0.01
 """Change of the logarithm of speed or feed in a copy, to either side."""
 OVERRIDE_PROBE = 0.01
 """Change of the action in a copy if it is an override of the feed, to either side."""
+WIDE = 10
+"""Factor on these changes in the copies that show events which set in abruptly."""
 MARGIN = 1e3
 """Margin of chipping and tangling of a copy [-], where 1 is an event's mean; no step uses it up."""
+UNUSED_LIFE = 0.2
+"""Share of an edge's life that is not used [-]: agents do not know the wear, and change edges early
+(found on validation jobs). Edges pay for themselves in the share that is used."""
+WORN_FROM = 0.9
+"""Used life [-] over which the cost of wearing an edge out is spread, up to 1. Agents know the used
+life less exactly, and an edge's last step alone teaches little."""
 MAX_GRADIENT = 50.0
 """Largest absolute gradient [s]: an edge of a step, such as a bar's end, must not decide alone."""
 MIN_FORCE = 1e-3  # smallest force over the median strength of edges [-]
@@ -69,8 +77,16 @@ JOB = np.dtype(
 
 def job_of(scenario: Scenario) -> NDArray[np.void]:
     """Return the prices of a true scenario, a record of ``JOB``."""
-    prices = prices_of(scenario)
     economics = scenario.economics
+    changes_edges = scenario.control.edge_changes != "end"
+    usable = 1.0 - UNUSED_LIFE * changes_edges
+    dearer = economics.model_copy(
+        update={
+            "edge_cost": economics.edge_cost / usable,
+            "edge_change_time": economics.edge_change_time / usable,
+        }
+    )
+    prices = prices_of(scenario.model_copy(update={"economics": dearer}))
     job = np.zeros((), JOB)
     job["time_price"] = prices.time
     # Before the first used life with a price, it is constant.
@@ -80,7 +96,6 @@ def job_of(scenario: Scenario) -> NDArray[np.void]:
     pieces = 0.5 * (life_price[:-1] + life_price[1:]) / (LIFE_NODES - 1)
     job["remaining_value"][:-1] = np.cumsum(pieces[::-1])[::-1]
     job["stop_for_chips"] = 60.0 * scenario.swarf.tangle_time * prices.time
-    changes_edges = scenario.control.edge_changes != "end"
     # If the episode ends with the edge, no time passes, and breakage has its price.
     price_of_downtime = prices.time if changes_edges else 1.0
     job["stop_unplanned"] = 60.0 * economics.unplanned_stop * prices.time * changes_edges
@@ -109,7 +124,9 @@ class Charge(NamedTuple):
     """The charge of a step of copies; fields have shape (num_envs,)."""
 
     cost: Array
-    """Cost of time, overload, roughness, life and expected stops [s]."""
+    """Cost of time, overload, roughness, life and expected breakages [s]."""
+    events: Array
+    """Cost of events that set in abruptly [s]: expected stops for tangled chips, and breakages."""
     distance: Array
     """Distance of the tool [mm]."""
     going_on: Array
@@ -125,7 +142,8 @@ class Lesson(NamedTuple):
 
     gradient: NDArray[np.float32]
     """Minus the derivative of the cost per distance, times the step's distance, by the logarithms
-    of the commanded speed and feed [s], shape (num_envs, 2). It is 0 where the edge fails."""
+    of the commanded speed and feed [s], shape (num_envs, 2). Where an edge fails, it is that of
+    abrupt events alone."""
     going_on: NDArray[np.float32]
     """Earnings of one more step with the edge in use [s]."""
     cost: NDArray[np.float32]
@@ -209,13 +227,17 @@ class TrialVecEnv(RoughTurningVecEnv):
             command = commands[entry]
             higher = self.charge(_moved(tried, entry, probe))
             lower = self.charge(_moved(tried, entry, -probe))
-            failed = failed | higher.failed | lower.failed
-            gradient[:, command] = self._quotient(higher, lower, charge, command)
-        gradient[failed] = 0.0
+            unsound = failed | higher.failed | lower.failed
+            slope = np.where(unsound, 0.0, self._quotient(higher, lower, charge, command))
+            # The slope of what sets in abruptly, as the mean over the range of the probes.
+            higher = self.charge(_moved(tried, entry, WIDE * probe))
+            lower = self.charge(_moved(tried, entry, -WIDE * probe))
+            slope = slope - (higher.events - lower.events) / (2.0 * WIDE * LOG_PROBE)
+            gradient[:, command] = slope
         return Lesson(
             gradient=np.clip(gradient, -MAX_GRADIENT, MAX_GRADIENT).astype(np.float32),
             going_on=charge.going_on.astype(np.float32),
-            cost=np.where(failed, 0.0, charge.cost).astype(np.float32),
+            cost=np.where(failed, 0.0, charge.cost + charge.events).astype(np.float32),
         )
 
     def _quotient(self, higher: Charge, lower: Charge, charge: Charge, command: int) -> Array:
@@ -252,7 +274,8 @@ class TrialVecEnv(RoughTurningVecEnv):
         breakages = chippings + self._break_risk(table[ROW.thrust_force])
         cost = job["time_price"] * table[ROW.time] - table[ROW.reward_overload]
         cost = cost - table[ROW.reward_roughness] + life_cost
-        cost = cost + tangles * job["stop_for_chips"] + breakages * breakage
+        cost = cost + breakages * breakage
+        events = tangles * job["stop_for_chips"] + broken * breakage
 
         # While life has a price, the best set point earns just that price. Afterwards, going on
         # pays while metal earns more than time and overload cost. A breakage then costs its
@@ -260,10 +283,11 @@ class TrialVecEnv(RoughTurningVecEnv):
         profit = table[ROW.reward_metal] + table[ROW.reward_overload]
         profit = profit - job["time_price"] * table[ROW.engaged_time]
         going_on = np.where(life_price > 0.0, life_cost, profit) - chippings * job["breakage"]
-        going_on = np.where(failed, -job["stop_unplanned"], going_on)
+        going_on = going_on - _worn_out(used_life, life_after, failed) * job["stop_unplanned"]
         going_on = np.where(broken, -job["breakage"], going_on)
         return Charge(
             cost=cost,
+            events=events,
             distance=np.maximum(table[ROW.path] - path, 1e-6),
             going_on=going_on,
             failed=failed,
@@ -288,6 +312,19 @@ class TrialVecEnv(RoughTurningVecEnv):
         job = self._jobs
         log_load = log(np.maximum(force / job["strength"], MIN_FORCE))
         return np.asarray(probability(log_load / job["strength_spread"]).below)
+
+
+def _worn_out(before: Array, after: Array, failed: NDArray[np.bool_]) -> Array:
+    """Return the share of a stop for a worn-out edge that a step is charged [-].
+
+    Args:
+        before: used life before the step [-].
+        after: used life after it, if the edge has not failed.
+        failed: whether it has.
+    """
+    last = np.where(failed, 1.0, np.minimum(after, 1.0))
+    first = np.clip(before, WORN_FROM, 1.0)
+    return np.maximum(last - first, 0.0) / (1.0 - WORN_FROM)
 
 
 def _moved(actions: Array, entry: int, change: float) -> Array:

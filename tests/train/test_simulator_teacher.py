@@ -7,7 +7,15 @@ import pytest
 
 from tests.turning_env.playing import changed
 from tests.turning_env.test_family_env import BRIEF_FAMILY
-from train.simulator_teacher import LOG_PROBE, TrialVecEnv, at_life, job_of
+from train.simulator_teacher import (
+    FEED,
+    LOG_PROBE,
+    UNUSED_LIFE,
+    WORN_FROM,
+    TrialVecEnv,
+    at_life,
+    job_of,
+)
 from turning_env import Scenario
 from turning_env.vector_env import info_at_end_of_step
 
@@ -122,13 +130,55 @@ def test_expected_stops_are_the_mean_of_those_that_happen() -> None:
     env = in_the_cut(tangling, num_envs, steps=3)
     actions = np.zeros((num_envs, 3), np.float32)
     actions[:, 2] = -1.0
-    with_stops = env.charge(actions.astype(float)).cost.mean()
-    without = in_the_cut("shift", num_envs, steps=3).charge(actions.astype(float)).cost.mean()
+    expected = env.charge(actions.astype(float)).events.mean()
     env.step(actions)
     time_price = float(job_of(tangling)["time_price"])
     stops = time_price * env.term("stopped_time").mean()
     assert stops > 1.0
-    assert with_stops - without == pytest.approx(stops, rel=0.1)
+    assert expected == pytest.approx(stops, rel=0.1)
+
+
+@pytest.mark.parametrize(("window", "sign"), [((0.05, 0.95), -1.0), ((1.05, 2.0), 1.0)])
+def test_a_feed_near_the_end_of_the_window_is_drawn_inside(
+    window: tuple[float, float], sign: float
+) -> None:
+    # The ends of the window are beyond the reach of small changes.
+    env = in_the_cut("shift", steps=3)
+    feed = float(env.term("feed")[0])
+    ends = {"chip_feed_min": window[0] * feed, "chip_feed_max": window[1] * feed}
+    actions = np.tile(np.array([0.0, 0.0, -1.0], np.float32), (NUM_ENVS, 1))
+    lessons = []
+    for rate in (0.0, 20.0):
+        tangling = changed("shift", swarf={"tangle_rate": rate, **ends})
+        lessons.append(in_the_cut(tangling, steps=3).lesson(actions).gradient[0, FEED])
+    assert sign * (lessons[1] - lessons[0]) > 1.0
+
+
+def test_an_edge_is_charged_one_stop_while_it_wears_out() -> None:
+    scenario = Scenario.load("shift")
+    wear = 0.99 * scenario.tool.wear_criterion
+    unbreakable = {"edge_strength": 1e6, "edge_strength_spread": 0.0}
+    stop = {"unplanned_stop": 1000.0}
+    scenario = changed(scenario, tool=unbreakable, economics=stop)
+    dear = in_the_cut(changed(scenario, mismatch={"initial_wear": wear}), steps=3)
+    job = job_of(scenario)
+    earned = np.zeros(NUM_ENVS)
+    going = np.ones(NUM_ENVS, np.bool_)
+    start = dear.term("used_life").copy()
+    actions = np.zeros((NUM_ENVS, 3))
+    actions[:, 2] = -1.0
+    for _ in range(400):
+        charge = dear.charge(actions)
+        earned += np.where(going, charge.going_on, 0.0)
+        dear.step(actions.astype(np.float32))
+        going &= ~charge.failed
+        if not going.any():
+            break
+    assert not going.any()
+    # The rest is the price of the last of its life.
+    share = (1.0 - np.maximum(start, WORN_FROM)) / (1.0 - WORN_FROM)
+    rest = earned + share * float(job["stop_unplanned"])
+    assert (np.abs(rest) < 0.05 * float(job["stop_unplanned"])).all()
 
 
 STRENGTH = {"tool": {"edge_strength": 800.0, "edge_strength_spread": 0.3}}
@@ -164,6 +214,7 @@ def test_a_whole_edge_pays_for_itself_at_the_prices_of_life_and_time() -> None:
     job = job_of(scenario)
     economics = scenario.economics
     price = 60.0 * (economics.edge_cost + job["time_price"] * economics.edge_change_time)
+    price /= 1.0 - UNUSED_LIFE
     assert job["remaining_value"][0] == pytest.approx(price, rel=0.03)
     nodes = np.array([job["life_price"]])
     assert at_life(nodes, np.array([0.5])) == pytest.approx(nodes[0, 20])
@@ -196,7 +247,7 @@ def test_a_worn_edge_earns_less_than_a_fresh_one_even_where_it_is_changed() -> N
     wear = 0.97 * scenario.tool.wear_criterion
     worn = in_the_cut(changed(scenario, mismatch={"initial_wear": wear}), steps=3)
     fresh = in_the_cut(scenario, steps=3)
-    actions = np.tile(np.float32([0.0, 0.0, 1.0]), (NUM_ENVS, 1))
+    actions = np.tile(np.array([0.0, 0.0, 1.0], np.float32), (NUM_ENVS, 1))
     earned_worn = worn.lesson(actions).going_on
     earned_fresh = fresh.lesson(actions).going_on
     assert np.median(earned_worn) < np.median(earned_fresh)
