@@ -19,10 +19,21 @@ LOCAL_SHIFT = 52  # G52
 PARAMETERS = frozenset("IKRPQDLA") | {"CR", "ANG", ",A", ",C", ",R", "CHR", "CHF", "RND"}
 
 # Addresses that stand once in a block.
-ONCE = frozenset("XZUWIKRFST")
+ONCE = frozenset("XZUWIJKRPQDLFST") | {"CR", "ANG", "LIMS"}
+SAME_AXIS = {"U": "X", "W": "Z"}  # increments of Fanuc's system A, by their axes
 
 # Addresses of the parameters that have a meaning in some blocks only, such as I and K in an arc.
-OF_SOME_BLOCKS = frozenset("IJKRPQDELA") | {"CR"}
+OF_SOME_BLOCKS = frozenset("IJKRPQDELA") | {
+    "CR",
+    "ANG",
+    "SF",
+    ",A",
+    ",C",
+    ",R",
+    "CHR",
+    "CHF",
+    "RND",
+}
 
 # Axes of mill-turn machines; at 0 they do not change how a tool turns.
 NULL_AXES = frozenset("YVCBA")
@@ -54,6 +65,10 @@ def single_words(control: Control, line: Line) -> Line:
             return True
         if word.address in known:
             control.refuse(f"{word.address}{word.text} is the second {word.address} of its block")
+            return False
+        axis = SAME_AXIS.get(word.address, "")
+        if axis and line.first(axis) and control.fanuc:
+            control.refuse(f"{axis} and {word.address} of one axis exclude each other")
             return False
         known.add(word.address)
         return True
@@ -184,7 +199,8 @@ def with_one_mode(control: Control, line: Line) -> Line:
 
     Some controls stop at them; the others differ in which of them they take.
     """
-    for group in (*_MODES, control.dialect.units.keys()):
+    dialect = control.dialect
+    for group in (*_MODES, dialect.units.keys(), dialect.cycles.keys() | dialect.references):
         stated = line.codes & group
         if len(stated) > 1:
             names = " and ".join(f"G{code:g}" for code in sorted(stated))
@@ -255,7 +271,14 @@ def _addresses_used(control: Control, line: Line, codes: set[float]) -> set[str]
     if motion in ARCS:
         used = {"I", "K", control.dialect.arc_radius}
     elif motion in THREADS:
-        used = {"I", "K", "Q"}
+        used = {"I", "K", "Q", "SF"}
+    if _may_move(control, line, codes):
+        # ``interpolation`` judges corners beside moves.
+        used |= set(control.dialect.corners)
+        # The angle of a move gives its other coordinate.
+        coordinates = [word for word in line.words if word.address in COORDINATES]
+        if len(coordinates) == 1 and motion not in ARCS:
+            used |= {"A", ",A", "ANG"}
     if control.fanuc:
         return used | _addresses_used_by_fanuc(control, line, codes=codes, motion=motion)
     # L is a sub-program of SINUMERIK, D the tool's edge, P how often a sub-program is called.
@@ -264,6 +287,14 @@ def _addresses_used(control: Control, line: Line, codes: set[float]) -> set[str]
         if word.address == "L" or word.address in control.program.parts:
             used.add("P")
     return used
+
+
+def _may_move(control: Control, line: Line, codes: set[float]) -> bool:
+    """Return whether a block's coordinates are those of a move, and not of a cycle or function."""
+    dialect = control.dialect
+    others = dialect.cycles.keys() | dialect.references | dialect.spindle_limits | {DWELL}
+    is_box = control.fanuc and control.motion in (90, 92, 94) and not codes & MOTIONS
+    return not (codes & others or is_box or line.first("CYCLE95", "CYCLE97", "TRANS", "ATRANS"))
 
 
 def _addresses_used_by_fanuc(
@@ -280,10 +311,6 @@ def _addresses_used_by_fanuc(
         # Q of G92 is the angle at which one of several threads begins.
         if motion == 92:
             used.add("Q")
-    # A is the angle of a thread, or of a move with one coordinate.
-    coordinates = [word for word in line.words if word.address in COORDINATES]
-    if cycle == 76 or len(coordinates) == 1:
-        used.add("A")
     if line.has("M", 98) or line.has("M", 97):
         used |= {"P", "L"}
     elif codes & {4, 30, 54, 54.1, 64, 103, 154, 187}:
@@ -310,9 +337,28 @@ def _addresses_of_cycle(control: Control, line: Line, cycle: int) -> set[str]:
         return set("PQDIK") if names_contour else {"R"}
     if cycle >= 81:
         return set("PQRK")
-    if line.first(*COORDINATES):
-        return set("PQRDIK")
-    return set("PQR") if cycle == 76 else {"R"}
+    if not line.first(*COORDINATES):
+        return set("PQR") if cycle == 76 else {"R"}
+    if cycle == 76:
+        is_single = line.first("K") and line.first("D")
+        return set("PQDIKA") if is_single else set("PQR")
+    return set("PQRDIK")
+
+
+def beside_cycle(control: Control, line: Line) -> Line:
+    """Return the line without what a block with a cycle of SINUMERIK may not hold: a move."""
+    cycle = line.first("CYCLE95", "CYCLE97")
+    if cycle is None:
+        return line
+
+    def stays(word: Word) -> bool:
+        if word.address not in COORDINATES and word.address != "F":
+            return True
+        shown = f"{word.address}{word.text}"
+        control.refuse(f"{shown} beside {cycle.address} must be a block of its own")
+        return False
+
+    return _kept(line, stays)
 
 
 # Dwells.

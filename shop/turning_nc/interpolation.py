@@ -101,6 +101,9 @@ def _arc(control: Control, line: Line, end: Point) -> Path:
     start = control.here
     clockwise = control.motion == 2
     radius = line.first(control.dialect.arc_radius)
+    if radius is not None and not control.fanuc and line.first("I", "K"):
+        raise BlockError("CR= and a centre, I or K, exclude each other")
+    # R of a Fanuc overrides I and K.
     if radius is not None and radius.value is not None:
         return arc_of_radius(start, end, radius=control.in_mm(radius), clockwise=clockwise)
     i = line.first("I")

@@ -24,7 +24,9 @@ MIN_RATE = 1e-6
 MAX_RATE = 1e6
 
 # Machine functions that do not change the path, or are read elsewhere (ISO 6983 and Fanuc).
-_KNOWN_M = {*range(10), 13, 14, 17, 30, *range(40, 46), 98, 99}
+_KNOWN_M = {*range(10), 13, 14, 30, *range(40, 46)}
+_CALLS_OF_FANUC = {98, 99}
+_ENDS_OF_SINUMERIK = {17}
 COORDINATES = ("X", "Z", "U", "W")
 FEED_MODES_OF_LINUXCNC: Mapping[float, bool] = {94: False, 95: True}
 """G functions of feeds there, and whether these are per revolution."""
@@ -234,6 +236,9 @@ class Modal:
                 f"G{min(unclear):g} with coordinates but without G0 or G1 is a cycle on some "
                 "controls"
             )
+        if len(stated) > 1:
+            names = " and ".join(f"G{code:g}" for code in sorted(stated))
+            raise BlockError(f"{names} exclude each other")
         if stated:
             return self.dialect.boxes[min(stated)]
         return self.motion if self.motion in (90, 92, 94) else None
@@ -353,13 +358,14 @@ class Modal:
             cancels = self.fanuc and len(word.text) >= 3 and tool.endswith("00")
             if not (cancels and self.tool.startswith(tool[:-2])):
                 self.tool = tool
+        known = _KNOWN_M | (_CALLS_OF_FANUC if self.fanuc else _ENDS_OF_SINUMERIK)
         for word in line.words:
             if word.address not in ("M", "M1") or word.value is None:
                 continue
             # M3, M4 and M5, and M13 and M14 with coolant.
             if word.value in (3, 4, 5, 13, 14):
                 self.spindle_on = word.value != 5
-            elif word.value not in _KNOWN_M and not self._calls_block(word, line):
+            elif word.value not in known and not self._calls_block(word, line):
                 self.note(
                     f"M{word.value:g} is not understood; it is taken as without effect on the path"
                 )

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from turning_nc.blocks import (
     DWELL,
     NULL_AXES,
+    beside_cycle,
     beside_dwell,
     dwell_time,
     dwell_word,
@@ -354,6 +355,7 @@ class ProgramControl(Control):
         other_axes = line.first(*NULL_AXES, "H") and not line.first(*COORDINATES)
         line = known_words(self, single_words(self, line))
         line = with_one_mode(self, with_one_motion(self, line))
+        line = beside_cycle(self, line)
         codes = line.codes
         box = None
         with self.naming_problems():
@@ -416,6 +418,9 @@ class ProgramControl(Control):
                 self.diameter = word.address
         if codes & (MOTIONS | {END_OF_DRILLING}):
             self.is_drilling = False
+        # G0 holds also beside a function that moves otherwise, such as G28.
+        if codes & MOTIONS:
+            self.motion = int(min(codes & MOTIONS))
         if 40 in codes:
             self.compensation = 0
         for side in codes & {41, 42}:
@@ -499,7 +504,7 @@ class ProgramControl(Control):
         if codes & {2, 30}:
             raise ProgramEnd
         # M99 of Fanuc; M17 and RET of SINUMERIK.
-        if codes & {17, 99} or line.first("RET"):
+        if (99 if self.fanuc else 17) in codes or line.first("RET"):
             if self.calls == 0 and 99 in codes:
                 self.note("M99 in the main program repeats it; it is run once")
             raise PartEnd

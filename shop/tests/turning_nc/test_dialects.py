@@ -663,3 +663,39 @@ def test_coordinates_beside_the_modes_of_linuxcnc_are_moves() -> None:
 def test_increments_beside_coordinates_are_no_box() -> None:
     text = f"G95\n{BAR.replace(' G99', '')}G1 X56. F0.2\nG91 Z-5.\nG90\nG1 X60.\n"
     assert cuts(text) == [(2.0, 56.0), (-3.0, 56.0), (-3.0, 60.0)]
+
+
+CONTOUR = "N1 G0 X40.\nG1 Z-30.\nN2 X62.\n"
+ROUGH = f"{BAR}G71 U2. R1.\nG71 P1 Q2 U0.4 W0.1 F0.2{{word}}\n{CONTOUR}"
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        (ROUGH.format(word=" P9"), "P9 is the second P"),
+        (ROUGH.format(word=" G72"), "G71 and G72 exclude each other"),
+        (ROUGH.format(word=" ,C1."), r",C1\. has no meaning"),
+        (ROUGH.format(word="").replace("R1.\n", "R1. A10.\n", 1), r"A10\. has no meaning"),
+        (f"{BAR}G1 X56. U1. F0.2", "X and U of one axis exclude each other"),
+        (f"{BAR}G1 X56. F0.2\nG2 X60. Z0. R2. ,A10.", r",A10\. has no meaning"),
+        (f"{BAR}G90 G92 X56. Z-9. F0.2", "G90 and G92 exclude each other"),
+        (f"{BAR}G76 P010060 Q50 R0.05\nG76 X58. Z-9. P1000 Q300 I2. F1.5", r"I2\. has no meaning"),
+        (f"{DREHEN}\nCYCLE97(1.5,,0,-20,50,50) X50".replace("\nM30", ""), "X50 beside CYCLE97"),
+        (DREHEN.replace("Z-40", "Z-40\nG2 X60 Z-42 CR=2 I2"), "CR= and a centre"),
+    ],
+)
+def test_words_that_act_on_nothing_are_named(text: str, reason: str) -> None:
+    with pytest.raises(NcError, match=reason):
+        moves(text)
+
+
+def test_a_rapid_move_holds_behind_a_reference_point() -> None:
+    made = moves(f"{BAR}G1 X56. F0.2\nG0 G28 U0 W0\nX62. Z2.\nG1 Z-5.").moves
+    assert [move.kind for move in made[-2:]] == ["rapid", "feed"]
+
+
+def test_m17_ends_a_part_of_a_sinumerik_alone() -> None:
+    made = run(divide(f"{BAR}G1 X56. F0.2\nM17\nZ-40.", DIALECTS["fanuc"]))
+    assert made.moves[-1].path.end == (-40.0, 28.0)
+    assert any("M17 is not understood" in note for note in made.notes)
+    assert cuts(DREHEN.replace("Z-40", "M17\nZ-40")) == [(2.0, 56.0)]
