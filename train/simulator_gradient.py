@@ -138,8 +138,6 @@ class SimulatorGradient(BaseAlgorithm):
         progress_bar: bool = False,
     ) -> Self:
         """Collect rollouts and learn from them for ``total_timesteps`` environment steps."""
-        # Networks with many numbers near 0 are slow without this.
-        torch.set_flush_denormal(True)
         if reset_num_timesteps:
             self.memory = torch.zeros(self.n_envs, self.policy.actor.memory_size)
         total_timesteps, callbacks = self._setup_learn(
