@@ -41,12 +41,17 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
-    """Adapt links between docs/ and shop/docs/, as the latter is the folder shop/ of the site."""
+    """Adapt links to the repository's root, and between docs/ and shop/docs/.
+
+    The latter is the folder shop/ of the site.
+    """
     if page.file.src_uri.startswith("shop/"):
         markdown = markdown.replace("](../../docs/", "](../")
         return markdown.replace("](../README.md", "](index.md")
-    to_shop = r"\]\(\.\./((?:\.\./)*)shop/docs/"
-    return re.sub(to_shop, r"](\1shop/", markdown)
+    to_root = r"\]\(\.\./((?:\.\./)*)"
+    markdown = re.sub(to_root + r"README\.md", r"](\1index.md", markdown)
+    markdown = re.sub(to_root + r"CONTRIBUTING\.md", r"](\1contributing.md", markdown)
+    return re.sub(to_root + "shop/docs/", r"](\1shop/", markdown)
 
 
 def on_page_content(content: str, **_: Any) -> str:

@@ -1,4 +1,4 @@
-"""Scores over the tasks: the best policy of each kind, means over tasks, and comparisons.
+"""Scores over the tasks: the best policies of each task, means over tasks, and comparisons.
 
 A score is 0 for the best fixed speed and feed, and 100 for the oracle of the state
 (``leaderboard.statistics.score_of``). The numbers are those of Agarwal et al. (2021, "Deep
@@ -29,12 +29,12 @@ from leaderboard.statistics import (
     RESAMPLES,
     Bootstrap,
     Estimate,
+    Feasibility,
     Floats,
     Mean,
     interquartile_mean,
     reason_not_to_rank,
 )
-from leaderboard.table import MARKS
 from turning_env import FAMILY_ID, IDS
 from turning_env.scenario.family import families
 
@@ -44,6 +44,26 @@ LEVELS = (0.0, 50.0, 90.0)
 """Scores at which the table gives the performance profile."""
 BEST_RULE = "best rule"
 BEST_AGENT = "best unprivileged agent"
+WHAT_IT_ASKS = {
+    "shop": "memory and foresight on an unseen lathe whose model has wrong numbers",
+    "unmodelled": "finding by trial which laws the model of an unseen lathe lacks",
+    "RoughTurning-Shift-v0": "foresight over the edges of two hours",
+    "RoughTurning-Batch-v0": "a plan for twenty uncertain blanks",
+    "RoughTurning-v0": "estimating a hidden load; almost no foresight",
+    "RoughTurning-Override-v1": "fast feedback against a lag: hold the spindle load",
+    "RoughTurning-Surface-v1": "fast feedback against a lag: hold a roughness",
+}
+"""What each task on which agents are ranked asks of a policy, in the order of the table."""
+LETTERS = {
+    "model-free agent": "M",
+    "agent on a belief": "B",
+    "student of a rule": "S",
+    "privileged agent": "P",
+    "other agent": "O",
+}
+"""Letter of an agent's class (``leaderboard.inputs.CLASSES``) in the table of tasks."""
+NOBODY = "none"
+"""Cell of the table of tasks for a kind that nobody represents."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +73,6 @@ class Kind:
     title: str
     holds: Callable[[Standing, str], bool]
     """Returns whether a standing is of this kind; also takes the name of the fixed parameters."""
-    by_task: bool = True  # whether the table of tasks has it
 
 
 def _is_published(standing: Standing, fixed: str) -> bool:
@@ -65,8 +84,12 @@ def _is_unprivileged(standing: Standing, fixed: str) -> bool:
     return is_learned and standing.about.policy_class != "privileged agent"
 
 
+def _is_rule(standing: Standing, fixed: str) -> bool:
+    return standing.about.policy_class == "rule"
+
+
 def _of_class(title: str, policy_class: str) -> Kind:
-    """Return the kind of a class, without simple searches."""
+    """Return the kind of a class of agents, without simple searches."""
 
     def holds(standing: Standing, fixed: str) -> bool:
         return standing.about.policy_class == policy_class and standing.name not in SIMPLE_SEARCHES
@@ -74,21 +97,28 @@ def _of_class(title: str, policy_class: str) -> Kind:
     return Kind(title, holds)
 
 
+RANDOM = Kind("random", lambda standing, fixed: standing.name == "random")
+PUBLISHED = Kind("best published", _is_published)
+RULE = Kind(BEST_RULE, _is_rule)
+LEARNER = Kind("best learner", lambda standing, fixed: standing.kind == "agent")
+ORACLE = Kind("oracle", lambda standing, fixed: standing.name == CAUSAL)
+BY_TASK = (RANDOM, PUBLISHED, RULE, LEARNER, ORACLE)
+"""Kinds of policies in the table of tasks."""
 KINDS = (
-    Kind("random", lambda standing, fixed: standing.name == "random"),
+    RANDOM,
     Kind("best simple search", lambda standing, fixed: standing.name in SIMPLE_SEARCHES),
     Kind("best fixed", lambda standing, fixed: standing.name == fixed),
-    Kind("best published", _is_published),
-    _of_class(BEST_RULE, "rule"),
+    PUBLISHED,
+    RULE,
     _of_class("best model-free agent", "model-free agent"),
     _of_class("best agent on a belief", "agent on a belief"),
     _of_class("best student of a rule", "student of a rule"),
     # No class of agents plays all tasks, but these do together.
-    Kind(BEST_AGENT, _is_unprivileged, by_task=False),
+    Kind(BEST_AGENT, _is_unprivileged),
     _of_class("best privileged agent", "privileged agent"),
-    Kind("oracle", lambda standing, fixed: standing.name == CAUSAL),
+    ORACLE,
 )
-"""Kinds of policies, in the order of tables."""
+"""Kinds of policies in the table of means over tasks."""
 
 
 class TaskScores:
@@ -132,10 +162,14 @@ class TaskScores:
         """Return whether a policy has played and is ranked."""
         return name in self._standings and self._standings[name].unranked is None
 
-    def mark(self, name: str) -> str:
-        """Return the mark of a policy that is not certainly feasible, as tables have it."""
+    def feasibility(self, name: str) -> Feasibility:
+        """Return whether a policy is feasible; every oracle counts as feasible."""
         standing = self._standings[name]
-        return "" if standing.kind == "oracle" else MARKS[standing.overload.feasibility]
+        return "feasible" if standing.kind == "oracle" else standing.overload.feasibility
+
+    def letter(self, name: str) -> str:
+        """Return the letter of an agent's class; it is empty for other policies."""
+        return LETTERS.get(self._standings[name].about.policy_class, "")
 
     def score(self, name: str) -> Mean:
         """Return the score of a policy, with replicates that are independent of other tasks'."""
@@ -203,25 +237,67 @@ def read(results: Path) -> list[TaskScores]:
 
 
 def by_task(tasks: Sequence[TaskScores]) -> list[dict[str, str]]:
-    """Return a row per task with the best policy of each kind and its score, as texts."""
-    kinds = []
-    for kind in KINDS:
-        if kind.by_task and any(task.best(kind) for task in tasks):
-            kinds.append(kind)
+    """Return the table of tasks: a row for each, with the best policy of each kind, as texts.
+
+    It leaves out tasks on which agents are not ranked, and so have no best learner. Raise
+    ResultError if no task is left.
+    """
     rows = []
-    for task in tasks:
-        row = {"task": task.label}
-        for kind in kinds:
-            name = task.best(kind)
-            row[kind.title] = "" if name is None else _named_score(task, name)
+    for task in _in_order(tasks):
+        row = {"task": task.label, "what it asks": WHAT_IT_ASKS[task.label]}
+        for kind in BY_TASK:
+            row[kind.title] = _cell(task, kind)
         rows.append(row)
+    if not rows:
+        raise ResultError("agents are ranked on none of these tasks")
     return rows
 
 
-def _named_score(task: TaskScores, name: str) -> str:
-    """Return a policy's name and score, with a mark if it is not certainly feasible."""
+def _in_order(tasks: Sequence[TaskScores]) -> list[TaskScores]:
+    """Return the tasks on which agents are ranked, in the order of the table of tasks."""
+    task_by_label = {task.label: task for task in tasks if task.ranks_agents}
+    return [task_by_label[label] for label in WHAT_IT_ASKS if label in task_by_label]
+
+
+def _cell(task: TaskScores, kind: Kind) -> str:
+    """Return the name, score and letter of the best policy of a kind.
+
+    Names of random actions and of the oracle are left out, as their columns' headings say the same.
+    """
+    name = task.best(kind)
+    if name is None:
+        return NOBODY
     # A score between -0.5 and 0 is 0, not -0.
-    return f"`{name}` {round(task.score(name).value) + 0}{task.mark(name)}"
+    score = str(round(task.score(name).value) + 0)
+    if kind in (RANDOM, ORACLE):
+        return score
+    return " ".join([f"`{name}`", score, task.letter(name)]).rstrip()
+
+
+def not_feasible(tasks: Sequence[TaskScores]) -> list[str]:
+    """Return sentences on the policies in the table of tasks that are not certainly feasible."""
+    tasks_by_policy: dict[Feasibility, dict[str, list[str]]] = {"infeasible": {}, "not shown": {}}
+    for task in _in_order(tasks):
+        # A policy may be the best of several kinds.
+        for name in dict.fromkeys(task.best(kind) for kind in BY_TASK):
+            if name is None or task.feasibility(name) == "feasible":
+                continue
+            places = tasks_by_policy[task.feasibility(name)]
+            places.setdefault(name, []).append(task.label)
+    sentences = []
+    for heading, feasibility in _HEADINGS.items():
+        places = []
+        for name, labels in tasks_by_policy[feasibility].items():
+            places.append(f"`{name}` on {', '.join(labels)}")
+        if places:
+            sentences.append(f"{heading}: {'; '.join(places)}.")
+    return sentences
+
+
+_HEADINGS: dict[str, Feasibility] = {
+    "Infeasible": "infeasible",
+    "Feasibility not shown": "not shown",
+}
 
 
 Entry = dict[TaskScores, str]

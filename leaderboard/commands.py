@@ -8,7 +8,7 @@
 
 import argparse
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from leaderboard import game, maintenance, run_command, score_command, table, verify
@@ -122,17 +122,25 @@ def _aggregated(options: argparse.Namespace) -> str:
     from leaderboard import aggregate  # needed only here
 
     tasks = aggregate.read(options.results)
-    tables = []
-    if options.aggregate in ("tasks", "both"):
-        tables.append(aggregate.by_task(tasks))
-    if options.aggregate in ("means", "both"):
-        tables.append(aggregate.over_tasks(tasks, options.policies, over=options.over))
-    if options.markdown is not None:
-        return "\n\n".join([table.markdown(rows) for rows in tables])
+    is_markdown = options.markdown is not None
     texts = []
-    for rows in tables:
-        texts.append(table.aligned([list(rows[0]), *[list(row.values()) for row in rows]]))
+    if options.aggregate in ("tasks", "both"):
+        texts.append(_as_text(aggregate.by_task(tasks), is_markdown))
+        remarks = " ".join(aggregate.not_feasible(tasks))
+        if remarks:
+            # Pages show a quotation in grey.
+            texts.append(f"> {remarks}" if is_markdown else remarks)
+    if options.aggregate in ("means", "both"):
+        means = aggregate.over_tasks(tasks, options.policies, over=options.over)
+        texts.append(_as_text(means, is_markdown))
     return "\n\n".join(texts)
+
+
+def _as_text(rows: Sequence[Mapping[str, str]], is_markdown: bool) -> str:
+    """Return rows of texts by heading as a table."""
+    if is_markdown:
+        return table.markdown(rows)
+    return table.aligned([list(rows[0]), *[list(row.values()) for row in rows]])
 
 
 def _add_show_options(parser: argparse.ArgumentParser) -> None:

@@ -16,13 +16,17 @@ from leaderboard.aggregate import (
     improvement,
     levels_and_shares,
     mean_score,
+    not_feasible,
     over_tasks,
     profile,
 )
+from leaderboard.inputs import CLASSES
 from leaderboard.result import ResultError, Task, result_folder, write_manifest, write_result
+from leaderboard.statistics import reason_not_to_rank
 from tests.leaderboard.conftest import MakeResult, spec
 from tests.leaderboard.test_standings import leaderboard_of
 from turning_env import IDS, Scenario
+from turning_env.scenario.family import families
 
 MakeTask = Callable[..., TaskScores]
 ORACLE = spec("causal", kind="oracle")
@@ -80,12 +84,35 @@ def tasks(make_scores: MakeTask) -> list[TaskScores]:
 
 def test_a_row_has_the_best_policy_of_each_kind_with_its_score(tasks: list[TaskScores]) -> None:
     first, second = by_task(tasks)
-    assert first["task"] == "RoughTurning-v0"
-    assert first["best fixed"] == "`fixed_tuned` 0"
-    assert first["best rule"] == "`predictive` 90"
-    assert first["oracle"] == "`causal` 100"
+    assert first == {
+        "task": "RoughTurning-v0",
+        "what it asks": "estimating a hidden load; almost no foresight",
+        "random": "none",
+        "best published": "none",
+        "best rule": "`predictive` 90",
+        "best learner": "`ppo` 70 O",
+        "oracle": "100",
+    }
     assert second["best rule"] == "`predictive` 50"
-    assert "best published" not in first
+
+
+def test_every_task_on_which_agents_are_ranked_has_a_row() -> None:
+    labels = set(families())
+    for env_id, preset in IDS.items():
+        if reason_not_to_rank("agent", Scenario.load(preset)) is None:
+            labels.add(env_id)
+    assert set(aggregate.WHAT_IT_ASKS) == labels
+
+
+def test_every_class_of_agents_has_a_letter() -> None:
+    assert set(aggregate.LETTERS) == set(CLASSES) - {"rule", "oracle"}
+    assert len(set(aggregate.LETTERS.values())) == len(aggregate.LETTERS)
+
+
+def test_a_task_on_which_agents_have_no_rank_has_no_row(make_scores: MakeTask) -> None:
+    paper = make_scores("RoughTurning-Paper-v0", "fixed_tuned", rule=-10.0, agent=(9.0, 9.0))
+    with pytest.raises(ResultError, match="ranked on none"):
+        by_task([paper])
 
 
 def test_scores_are_averaged_over_tasks(tasks: list[TaskScores]) -> None:
@@ -188,7 +215,7 @@ def test_the_command_prints_both_tables(
     show = ["show", "--results", str(tmp_path)]
     assert main([*show, "--aggregate", "--markdown"]) == 0
     tasks_table, means_table = capsys.readouterr().out.strip().split("\n\n")
-    assert "| RoughTurning-v0 | `fixed_tuned` 0 | `predictive` 90 | `causal` 100 |" in tasks_table
+    assert "| none | none | `predictive` 90 | none | 100 |" in tasks_table
     assert "| best rule | 1 | 90" in means_table
     # The plain tables show all policies.
     assert main([*show, "--policies", "predictive"]) == 2
@@ -253,9 +280,10 @@ def test_each_kind_has_its_best_policy(make_result: MakeResult) -> None:
         "oracle": "causal",
     }
     (row,) = by_task([TaskScores(board)])
-    # Agents of all classes together stand in the table of means alone.
-    assert "best unprivileged agent" not in row
-    assert row["best privileged agent"] == "`taught` 90"
+    assert row["random"] == "-800"
+    assert row["best published"] == "`grid_search` 40"
+    # A linear policy learns, too.
+    assert row["best learner"] == "`linear_cma_es` 95 M"
 
 
 def test_agents_represent_no_kind_where_they_have_no_rank(make_scores: MakeTask) -> None:
@@ -269,18 +297,21 @@ def test_agents_represent_no_kind_where_they_have_no_rank(make_scores: MakeTask)
     assert not paper.has("ppo")
 
 
-def test_policies_that_are_not_certainly_feasible_are_marked(make_result: MakeResult) -> None:
+def test_policies_that_are_not_certainly_feasible_are_named(make_result: MakeResult) -> None:
     on = task_on("RoughTurning-v0")
     board = leaderboard_of(
         [
+            make_result("random", on=on, returns=-900.0, severe_overload_time=30.0),
             make_result("fixed_tuned", on=on, returns=-100.0),
             make_result("predictive", on=on, returns=-50.0, severe_overload_time=30.0),
             make_result("causal", on=on, policy=ORACLE, returns=0.0, severe_overload_time=30.0),
         ]
     )
     task = TaskScores(board)
-    marks = [task.mark(name) for name in ("fixed_tuned", "predictive", "causal")]
-    assert marks == ["", " NO", ""]
+    verdicts = [task.feasibility(name) for name in ("fixed_tuned", "predictive", "causal")]
+    assert verdicts == ["feasible", "infeasible", "feasible"]
+    # The best rule is `fixed_tuned`, which is feasible.
+    assert not_feasible([task]) == ["Infeasible: `random` on RoughTurning-v0."]
     assert task.has("predictive")
     assert not task.has("causal")
     assert not task.has("nobody")
