@@ -4,6 +4,7 @@ A word may be unknown to the dialect, or have no meaning beside the others of it
 function returns the line with the words that stay.
 """
 
+import re
 from collections.abc import Callable
 
 from turning_nc.control import Control
@@ -37,6 +38,9 @@ OF_SOME_BLOCKS = frozenset("IJKRPQDELA") | {
 
 # Axes of mill-turn machines; at 0 they do not change how a tool turns.
 NULL_AXES = frozenset("YVCBA")
+
+# Controls take such a label, A1:, for a word with a number.
+_LABEL_LIKE_A_WORD = re.compile(r"[A-Z]\d\w*:")
 MACHINE_AXES = frozenset({"X1", "Z1", "Y1", "C1"})
 NULL_NOTE = "words of Y, V, C, B or A that are 0 have no effect in turning"
 
@@ -83,6 +87,11 @@ def known_words(control: Control, line: Line) -> Line:
     taken = _words_of(line, foreign)
 
     def is_known(word: Word) -> bool:
+        if _LABEL_LIKE_A_WORD.match(word.address):
+            control.refuse(
+                f"the label {word.address} begins like a word: "
+                "labels of SINUMERIK begin with two letters"
+            )
         if word.address.endswith(":") or word in taken:
             return False
         if _is_null(control, word):
@@ -271,7 +280,8 @@ def _addresses_used(control: Control, line: Line, codes: set[float]) -> set[str]
     if motion in ARCS:
         used = {"I", "K", control.dialect.arc_radius}
     elif motion in THREADS:
-        used = {"I", "K", "Q", "SF"}
+        # Q of a Fanuc is the angle at which one of several threads begins, SF that of SINUMERIK.
+        used = {"K", "Q"} if control.fanuc else {"I", "K", "SF"}
     if _may_move(control, line, codes):
         # ``interpolation`` judges corners beside moves.
         used |= set(control.dialect.corners)
@@ -315,6 +325,9 @@ def _addresses_used_by_fanuc(
         used |= {"P", "L"}
     elif codes & {4, 30, 54, 54.1, 64, 103, 154, 187}:
         used.add("P")
+    # The tolerances of LinuxCNC, G64 P0.01 Q0.01, change no path that is computed here.
+    if 64 in codes:
+        used.add("Q")
     # The corner's tolerance of Haas, G187 P1 E0.01, changes no path that is computed here.
     if 187 in codes:
         used.add("E")

@@ -397,6 +397,9 @@ def _peck(control: Control, line: Line, code: int) -> None:
     if not line.first("X", "Z", "U", "W"):
         control.cycle.pecking = control.length(line.first("R"), steps=True)
         return
+    for steps, length in (("P", "I"), ("Q", "K")):
+        if line.first(steps) and line.first(length):
+            raise BlockError(f"{steps} and {length} of G{code} state one length: leave one out")
     length_x = abs(_length_or_steps(control, line.first("P", "I"), of_steps="P"))
     length_z = abs(_length_or_steps(control, line.first("Q", "K"), of_steps="Q"))
     along_x = code == 75

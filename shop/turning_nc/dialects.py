@@ -26,6 +26,8 @@ _CODES_OF_BOTH = {0, 1, 2, 3, 4, 33, 41, 42, 53, 90, 91, 94, 95, 96, 97}
 
 ZERO_OFFSETS = frozenset({*range(54, 60), 54.1, 154, *range(505, 600)})
 """G functions that set a zero offset, of Fanuc and of SINUMERIK."""
+NUMBERED_OFFSETS = frozenset({54.1, 154})
+"""G functions of a Fanuc and of a Haas that set the zero offset whose number P states."""
 
 CornerKind = Literal["legs", "chord", "radius"]
 """Meaning of a broken corner's size: the chamfer's legs, the chamfer itself, or a radius."""
@@ -76,7 +78,6 @@ class Dialect:
     takes_coordinates: frozenset[float]
     corners: Mapping[str, CornerKind]  # words that break the corner at the end of a move
     arc_radius: str
-    thread_lead: tuple[str, ...]
 
 
 def _codes(*groups: Iterable[float]) -> frozenset[float]:
@@ -135,8 +136,8 @@ FANUC = Dialect(
     # Macros, data, polar and cylindrical coordinates, splines, skips, drilling and threads that
     # are not read.
     takes_coordinates=_codes(
-        {5, 7.1, 10, 12.1, 13.1, 31, 34, 50.2, 51, 51.2, 52, 65, 66, 66.1, 68, 68.1},
-        {77, 78, 79, 107},
+        {5, 7.1, 10, 12.1, 13.1, 31, 34, 50.2, 50.3, 51, 51.2, 52, 65, 66, 66.1, 68, 68.1},
+        {77, 78, 79, 90.1, 92.1, 92.2, 92.3, 107},
         range(35, 40),
         range(85, 90),
         range(110, 120),
@@ -145,7 +146,6 @@ FANUC = Dialect(
     ),
     corners={",C": "legs", ",R": "radius"},
     arc_radius="R",
-    thread_lead=("F", "K"),
 )
 
 # Fanuc's systems B and C have the cycles of system A under other numbers. G98 and G99 are return
@@ -177,7 +177,8 @@ SINUMERIK = Dialect(
     word=re.compile(
         rf"""
         (?P<synchronized>ID=.*) |
-        (?P<letter>[A-Z])\s*(?P<number>(?:[+-]\s*)?(?:\d+(?:\.\d*)?|\.\d+))(?!\s*=|[_(\d.]) |
+        (?P<letter>[A-Z])\s*(?P<number>(?:[+-]\s*)?(?:\d+(?:\.\d*)?|\.\d+))
+            (?!\s*=|[_(\d.]|:(?!=)) |
         (?P<name>[A-Z_][A-Z_0-9]*|\$[A-Z_]+(?:\[\w+\])?)
         (?:
             \s*=\s*
@@ -243,7 +244,6 @@ SINUMERIK = Dialect(
     ),
     corners={"CHR": "legs", "CHF": "chord", "RND": "radius"},
     arc_radius="CR",
-    thread_lead=("K", "I"),
 )
 DIALECTS: dict[str, Dialect] = {
     dialect.name: dialect for dialect in (FANUC, FANUC_B, FANUC_C, SINUMERIK)
@@ -308,10 +308,15 @@ NOT_READ_CODES: dict[float, str] = {
     5: ", a spline or a fast mode: write its moves",
     10: ", data for the control: set them there, and leave the block out",
     31: ", a move until a signal: leave it out, or write it as G1",
+    50.3: ", the end of a shift of the zero point: leave it out if nothing shifts it",
     52: ", a shift of the zero point: write the coordinates from one zero point",
     65: ", a macro call: write the macro's moves, or call it by M98",
     66: ", a modal macro call: write the macro's moves",
     87: ", a cycle across the axis: write its moves",
+    90.1: ", centres of arcs in absolute coordinates: write I and K from the arc's start",
+    92.1: ", the end of a shift of the zero point: leave it out if nothing shifts it",
+    92.2: ", the end of a shift of the zero point: leave it out if nothing shifts it",
+    92.3: ", a shift of the zero point: write the coordinates from one zero point",
     112: ", polar coordinates for milling: leave out what mills",
 }
 """G functions of Fanuc that are not read: what they do, and what to write instead."""

@@ -53,7 +53,7 @@ def move(control: Control, line: Line, codes: set[float]) -> None:
     if motion is None and end != control.here:
         raise BlockError("coordinates precede the first G0 or G1")
     if motion in THREADS:
-        with control.thread_feed(_lead(control, line)):
+        with control.thread_feed(_lead(control, line, end)):
             control.add(Path(control.here, end), "thread")
     elif motion in ARCS:
         control.add(_arc(control, line, end), "feed")
@@ -66,17 +66,44 @@ def move(control: Control, line: Line, codes: set[float]) -> None:
         control.corner = _corner(control, line)
 
 
-def _lead(control: Control, line: Line) -> float:
-    """Return the lead of a thread, in the program's units: F on a Fanuc, K or I on a SINUMERIK."""
-    addresses = control.dialect.thread_lead
-    lead = line.number_of(*addresses)
-    if not lead and control.fanuc:
-        feed = control.feed
-        # F of a block before it is a lead unless it has a place, which only feeds have.
-        if feed.span is None:
-            lead = feed.value / control.length_scale
+def _lead(control: Control, line: Line, end: Point) -> float:
+    """Return the lead of a thread that ends at a point, in the program's units.
+
+    Raises:
+        BlockError: the block does not state the lead, or not as its control reads it.
+    """
+    if not control.fanuc:
+        return _lead_along_axis(control, line, end)
+    name = f"G{control.motion}"
+    # LinuxCNC states leads by K, beside which F is a feed.
+    if line.number_of("F") and line.number_of("K") and not control.linuxcnc:
+        raise BlockError(f"F and K of {name} both state its lead: leave one out")
+    lead = line.number_of("K") or line.number_of("F")
+    if lead:
+        return lead
+    feed = control.feed
+    # F of a block before it is a lead unless it has a place, which only feeds have.
+    if feed.span is None and feed.value:
+        return feed.value / control.length_scale
+    hint = ""
+    if feed.value:
+        hint = "; F of a block before it is read as a feed: write the lead beside it"
+    raise BlockError(f"{name} needs its lead: F{hint}")
+
+
+def _lead_along_axis(control: Control, line: Line, end: Point) -> float:
+    """Return the lead of a thread of SINUMERIK: K along Z, or I along X, whichever is longer."""
+    name = f"G{control.motion}"
+    along_z = abs(end.z - control.z)
+    along_x = abs(end.x - control.x)
+    if line.first("I") and line.first("K"):
+        raise BlockError(f"I and K of {name} both state its lead: leave one out")
+    address = "K" if along_z >= along_x else "I"
+    # At 45 degrees, both are right.
+    lead = line.number_of("I", "K") if along_z == along_x else line.number_of(address)
     if not lead:
-        raise BlockError(f"G{control.motion} needs its lead: {addresses[0]}")
+        axis = "Z" if address == "K" else "X"
+        raise BlockError(f"{name} needs its lead: {address}, as it is longer along {axis}")
     return lead
 
 

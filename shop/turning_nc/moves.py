@@ -26,7 +26,7 @@ from turning_nc.control import MAX_BLOCKS, Control, Kind, Move
 from turning_nc.cycles import Side
 from turning_nc.cycles_fanuc import Block, end_of_contour, run_box, run_cycle
 from turning_nc.cycles_sinumerik import run_cycle95, run_cycle97
-from turning_nc.dialects import DIAMETERS, STATEMENTS, ZERO_OFFSETS
+from turning_nc.dialects import DIAMETERS, NUMBERED_OFFSETS, STATEMENTS, ZERO_OFFSETS
 from turning_nc.interpolation import MOTIONS, move
 from turning_nc.modal import COORDINATES
 from turning_nc.paths import Path
@@ -434,6 +434,8 @@ class ProgramControl(Control):
         """Note that a program changes its zero offset after a move."""
         for code in codes & ZERO_OFFSETS:
             number = line.number_of("P")
+            if code in NUMBERED_OFFSETS and number is None:
+                self.refuse(f"G{code:g} needs the number of its zero offset: P")
             name = f"G{code:g}" if number is None else f"G{code:g} P{number:g}"
             if self.zero_offset not in ("", name) and self.has_moved:
                 self.note(

@@ -218,7 +218,7 @@ class _Cutting:
         self._threading = threading
         self._shapes = {name: tool_shape(kind) for name, kind in kinds.items()}
         self._drills = _radii_of_drills(kinds)
-        self.at_corner: set[str] = set()  # drills that are programmed at their corners
+        self.at_corner: set[str] = set()  # drills that cut where their corners are programmed
         self._slim_shapes = _slim_shapes(kinds)
         self._left_by_slim = Metal(stock) if self._slim_shapes else None
         self._taken: list[_Taken] = []
@@ -239,10 +239,12 @@ class _Cutting:
 
     def _cut(self, move: Move, start: Point, end: Point) -> _Cut:
         shape = self._shapes[move.tool]
-        if shape is None or math.dist(start, end) < SAME:
-            return AIR
+        programmed = start
         start = self._placed(move.tool, start)
         end = self._placed(move.tool, end)
+        # A drill whose corner goes to the axis stays in its place.
+        if shape is None or math.dist(start, end) < SAME:
+            return AIR
         if move.kind == "rapid":
             # A tool that withdraws to where it came from rubs along each ridge of a shoulder, which
             # would take long to compute.
@@ -265,6 +267,8 @@ class _Cutting:
                 self.rapids[move.line] = max(area_before, area)
             return AIR
         self._check_drill(move, start, end=end)
+        if self._is_at_corner(move.tool, programmed):
+            self.at_corner.add(move.tool)
         metal = metal[areas > 0.0]
         self.left.take(sweep.area, places)
         self._taken.append(_Taken(move.line, metal))
@@ -283,13 +287,16 @@ class _Cutting:
         One at negative X is mirrored. A drill may be programmed at its corner, as one of 10 mm at
         X10; then it is on the axis.
         """
-        radius = self._drills.get(tool)
-        if radius is not None and math.isclose(abs(point.x), radius, abs_tol=MAX_OFF_AXIS):
-            self.at_corner.add(tool)
+        if self._is_at_corner(tool, point):
             return Point(point.z, 0.0)
         if tool in self._mirrored:
             return Point(point.z, -point.x)
         return point
+
+    def _is_at_corner(self, tool: str, point: Point) -> bool:
+        """Return whether a tool is a drill whose corner, on the axis, is at a point."""
+        radius = self._drills.get(tool)
+        return radius is not None and math.isclose(abs(point.x), radius, abs_tol=MAX_OFF_AXIS)
 
     def _check_drill(self, move: Move, start: Point, end: Point) -> None:
         """Check that a tool that cuts is no drill beside the axis.

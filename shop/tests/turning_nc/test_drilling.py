@@ -130,3 +130,11 @@ def test_a_drill_at_its_own_diameter_is_programmed_by_its_corner() -> None:
     removal = remove(made, read_stock("bar:60x60"), {"T0202": "drill:12.5"})
     assert removal.slices.volume.sum() == pytest.approx(math.pi / 4.0 * 12.5**2 * 20.0, rel=1e-3)
     assert any("corner" in note for note in removal.notes)
+
+
+def test_a_drill_that_waits_at_its_own_radius_goes_to_the_axis() -> None:
+    # The way from X10 to X0 is none for a drill of 10 mm whose corner is programmed.
+    made = moves(f"{LINUXCNC}G0 X10 Z5\nG81 X0 Z-30 R2 F0.1\nG80\nG0 Z50")
+    removal = remove(made, read_stock("bar:50x40"), {"T2": "drill:10"})
+    assert removal.slices.volume.sum() == pytest.approx(math.pi / 4.0 * 10.0**2 * 30.0, rel=1e-3)
+    assert not any("corner" in note for note in removal.notes)

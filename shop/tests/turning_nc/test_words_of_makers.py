@@ -168,3 +168,56 @@ def test_a_bar_puller_moves_without_a_speed() -> None:
     assert (played.feed[pulled] == 0.0).all()
     with pytest.raises(NcError, match="line 4: no speed is set"):
         moves(PULLER.replace("G98", "G99") + CUT)
+
+
+LATHE_OF_LINUXCNC = "G21 G7 G18 G95\nT2 M6\nM3 S800\nG0 X30 Z2\n"
+
+
+@pytest.mark.parametrize("code", ["G154", "G54.1"])
+def test_a_numbered_zero_offset_needs_its_number(code: str) -> None:
+    with pytest.raises(NcError, match=f"line 4: {code} needs the number of its zero offset: P"):
+        moves(f"{BAR}{code}\nG1 X56. F0.2")
+
+
+def test_the_tolerances_of_linuxcnc_change_no_path() -> None:
+    made = moves(f"{LATHE_OF_LINUXCNC}G64 P0.01 Q0.02\nG1 Z-5 F0.2")
+    assert made.moves[-1].path.end == (-5.0, 15.0)
+
+
+@pytest.mark.parametrize(
+    ("block", "reason"),
+    [
+        ("G92.1", "the end of a shift"),
+        ("G92.1 X0 Z0", "the end of a shift"),
+        ("G90.1", "centres of arcs in absolute coordinates"),
+    ],
+)
+def test_modes_that_are_not_read_are_named_with_a_reason(block: str, reason: str) -> None:
+    code = block.split()[0]
+    with pytest.raises(NcError, match=f"line 5: {code} is not understood, {reason}"):
+        moves(f"{LATHE_OF_LINUXCNC}{block}\nG1 Z-5 F0.2")
+
+
+@pytest.mark.parametrize(
+    ("blocks", "reason"),
+    [
+        pytest.param("F1.5\nG32 Z-20.", "needs its lead: F; F of a block before it", id="modal F"),
+        pytest.param("G32 Z-20.", "needs its lead: F ", id="no F"),
+        pytest.param("G32 Z-20. K0.2 F1.5", "F and K of G32 both state its lead", id="K and F"),
+        pytest.param("G32 Z-20. F1.5 I2.", "I2. has no meaning", id="I"),
+    ],
+)
+def test_a_thread_states_its_lead_once_in_its_block(blocks: str, reason: str) -> None:
+    with pytest.raises(NcError, match=f"line [45]: (G32 )?{reason}"):
+        moves(f"{BAR}{blocks}")
+
+
+def test_k_is_the_lead_of_linuxcnc_beside_a_feed() -> None:
+    made = moves(f"{LATHE_OF_LINUXCNC}G33 Z-20 F0.2 K1.5")
+    assert made.moves[-1].feed.value == 1.5
+
+
+@pytest.mark.parametrize(("words", "name"), [("P2000 I2.", "P and I"), ("Q4000 K4.", "Q and K")])
+def test_a_groove_states_each_length_once(words: str, name: str) -> None:
+    with pytest.raises(NcError, match=f"line 5: {name} of G75 state one length"):
+        moves(f"{BAR}G0 Z-10.\nG75 X56. Z-14. {words} F0.1")
