@@ -27,6 +27,7 @@ from turning_shop.catalogue.start_values import (
     Start,
     feeds_of,
 )
+from turning_shop.fit import TYPICAL_EDGE_SPREAD
 from turning_shop.prediction import Evidence
 from turning_shop.provenance import TAYLOR, Stated, for_advice
 from turning_shop.start_question import USUAL_ENTERING_ANGLE, Question, Setup, setup_of
@@ -53,6 +54,7 @@ class Job(NamedTuple):
     values: dict[str, Any]  # that the catalogue and the question state, by section
     support_assumed: bool
     efficiency_assumed: bool
+    edge_spread: float  # log standard deviation of wear from edge to edge, stated or typical [-]
 
     @property
     def sources(self) -> Iterator[str]:
@@ -165,6 +167,9 @@ def job_of(question: Question) -> Job:
     stated = Stated(set(setup.stated) | set(flat(values)), setup.preset)
     scenario, evidence = for_advice(scenario, evidence, stated, is_simulated=False)
     is_reduced = scenario.spindle.efficiency < 1.0
+    edge_spread = TYPICAL_EDGE_SPREAD["wear"]
+    if "tool.wear_factor_spread" in setup.stated:
+        edge_spread = scenario.tool.wear_factor_spread
     return Job(
         question=question,
         material=setup.material,
@@ -177,6 +182,7 @@ def job_of(question: Question) -> Job:
         values=values,
         support_assumed=values["workpiece"].get("support") != question.support,
         efficiency_assumed=is_reduced and "spindle.efficiency" not in setup.stated,
+        edge_spread=edge_spread,
     )
 
 

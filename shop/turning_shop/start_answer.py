@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
+from scipy import special
 from turning_shop.advise import (
     MIN_COST,
     Advice,
@@ -23,12 +24,11 @@ from turning_shop.advise import (
 from turning_shop.allowed import feed_range
 from turning_shop.catalogue import UNMEASURED
 from turning_shop.catalogue.materials import other_states
-from turning_shop.fit import TYPICAL_EDGE_SPREAD
+from turning_shop.fit import LEVEL, TYPICAL_EDGE_SPREAD
 from turning_shop.prediction import Evidence, LawEvidence, longest_life
 from turning_shop.start import QUANTILE, Job
 from turning_shop.units import METRIC, Units
-
-MIN_EDGE_SPREAD = 1e-3  # log spread of edges that is taken for 0 [-]: 0 would be divided by
+from turning_shop.wear_plan import EDGES, ENOUGH
 
 _BOUND_NAMES = {
     "limits.power": "the spindle's power",
@@ -57,7 +57,7 @@ def _binding(job: Job, advice: Advice) -> str:
 
 
 class Narrowing(NamedTuple):
-    """A measurement of one cut, and what it tells."""
+    """A measurement, and what it tells."""
 
     action: str
     saving: float  # of the interval of the cost, in the unit of the cost
@@ -65,7 +65,7 @@ class Narrowing(NamedTuple):
 
 
 def narrowings(job: Job, best: PartPlan) -> list[Narrowing]:
-    """Return what one measured cut would narrow, that which narrows the cost most first.
+    """Return what measurements would narrow, that which narrows the cost most first.
 
     The cost is that of the best cut if a law is at the end of its interval.
     """
@@ -74,24 +74,40 @@ def narrowings(job: Job, best: PartPlan) -> list[Narrowing]:
 
 
 def _wear_narrowing(job: Job, best: PartPlan) -> Narrowing:
-    """Return what the wear of one edge, measured once, would narrow."""
+    """Return what the wear of some edges, measured once each, would narrow."""
     wear = job.evidence.laws["wear"]
     factors = best.cuts._asdict()
     deviation = wear.log_deviation(job.scenario.material.wear, factors, of_reading=False)
     before = float(deviation)
-    # One edge tells the law but for the spread of edges. Catalogue and measurement are
-    # independent, so the precisions 1 / deviation^2 add up.
-    spread = max(job.scenario.tool.wear_factor_spread, MIN_EDGE_SPREAD)
-    after = 1.0 / math.hypot(1.0 / before, 1.0 / spread)
-
+    edges, after = _edges_to_measure(before, job.edge_spread)
     evidence = _with_wear_evidence(job.evidence, deviation=after)
     narrowed = _plan_again(job, best, evidence)
     count = max(1.0, float(best.parts_low))
     return Narrowing(
-        action=f"the flank wear of one edge after {count:.0f} {_parts_word(count)}",
+        action=f"the flank wear of {edges} edges, the first after {count:.0f} {_parts_word(count)}",
         saving=_cost_range(job, "wear", before) - _cost_range(job, "wear", after),
         gain=f"the parts an edge to {_between(narrowed.parts_low, narrowed.parts_high)}",
     )
+
+
+def _edges_to_measure(before: float, spread: float) -> tuple[int, float]:
+    """Return how many edges to measure, and the deviation of the law of wear that is left [-].
+
+    ``calibrate`` takes the level of n edges from these alone, with Student's t of their spread. The
+    fewest are taken that narrow the interval by ``ENOUGH``; the most if none do.
+
+    Args:
+        before: log standard deviation of the catalogue's law [-].
+        spread: log standard deviation of edges [-].
+    """
+    edges = EDGES[-1]
+    after = before
+    for edges in EDGES:
+        quantile = special.stdtrit(edges - 1, 0.5 + 0.5 * LEVEL)
+        after = float(quantile) / QUANTILE * spread / math.sqrt(edges)
+        if after <= ENOUGH * before:
+            break
+    return edges, min(after, before)
 
 
 def _power_narrowing(job: Job, best: PartPlan) -> Narrowing:

@@ -114,9 +114,19 @@ def expected_sheet(job: Job, best: PartPlan, edges: int) -> Measurements:
     time = np.tile([stop.time for stop in planned], edges)
 
     # An edge that wears fast need not take more power at a wear: the order is another one.
-    wear = _scattered(material.wear, settings | {"time": time}, "wear", deviation, error)
+    wear = _scattered(
+        material.wear,
+        settings | {"time": time},
+        job.edge_spread * deviation,
+        READING_ERROR["wear"] * error,
+    )
     order = np.roll(deviation, len(planned) * (edges // 2))
-    power = _scattered(material.power, settings | {"wear": wear}, "power", order, error)
+    power = _scattered(
+        material.power,
+        settings | {"wear": wear},
+        TYPICAL_EDGE_SPREAD["power"] * order,
+        READING_ERROR["power"] * error,
+    )
     return Measurements(
         columns=settings | {"time": time, "wear": wear, "power": power},
         lines=np.arange(2, rows + 2),
@@ -125,11 +135,9 @@ def expected_sheet(job: Job, best: PartPlan, edges: int) -> Measurements:
 
 
 def _scattered(
-    law: PowerLaw, factors: dict[str, Values], response: str, deviation: Values, error: Values
+    law: PowerLaw, factors: dict[str, Values], of_edges: Values, of_readings: Values
 ) -> Values:
-    """Return readings about a law, whose edges deviate [standard deviations]."""
-    of_edges = TYPICAL_EDGE_SPREAD[response] * deviation
-    of_readings = READING_ERROR[response] * error
+    """Return readings about a law, from which edges and readings deviate in the logarithm [-]."""
     return np.asarray(law(**factors) * np.exp(of_edges + of_readings))
 
 
@@ -212,7 +220,7 @@ def render(job: Job, best: PartPlan, units: Units = METRIC) -> str:
         gains=_gains(now, later, chosen),
         boxes=_boxes(planned, chosen.edges, units),
         example=html.escape(_example(best, planned[0])),
-        spread=f"{100 * TYPICAL_EDGE_SPREAD['wear']:.0f} %",
+        spread=f"{100 * job.edge_spread:.0f} %",
     )
 
 

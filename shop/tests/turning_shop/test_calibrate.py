@@ -4,6 +4,7 @@ import itertools
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
@@ -65,6 +66,30 @@ def test_values_of_a_base_file_are_kept() -> None:
     assert made.model_copy(update=changes) == base
     comment = "# The law of power is the base's: there is no column power"
     assert comment in Path("my_tool.toml").read_text()
+
+
+ONE_EDGE = "cutting_speed,feed,depth_of_cut,time,wear\n" + "\n".join(
+    f"100,0.3,2.5,{time},{0.1 * time**0.5:.6f}" for time in range(1, 9)
+)
+
+
+@pytest.mark.parametrize(("stated", "spread"), [("", 0.34), ("wear_factor_spread = 0.1", 0.1)])
+def test_one_edge_tells_the_usual_wear_no_better_than_edges_differ(
+    stated: str, spread: float
+) -> None:
+    Path("wear.csv").write_text(ONE_EDGE)
+    Path("base.toml").write_text(f"[tool]\nwear_criterion = 0.4\n{stated}")
+    assert calibrate("--base", "base.toml", measurements="wear.csv") == 0
+    scenario, evidence = load("my_tool.toml")
+    cut = {"cutting_speed": 100.0, "feed": 0.3, "depth_of_cut": 2.5, "time": 4.0, "hardness": 1.0}
+    factors = {name: np.array(value) for name, value in cut.items()}
+    law = evidence.laws["wear"]
+    # The rows have no scatter, so only the edge's own deviation is left: Student's t is 2.571.
+    of_law = law.quantile * law.log_deviation(scenario.material.wear, factors, of_reading=False)
+    of_reading = law.quantile * law.log_deviation(scenario.material.wear, factors)
+    assert of_law == pytest.approx(2.571 * spread, rel=0.01)
+    # Another edge deviates as well.
+    assert of_reading == pytest.approx(2.571 * spread * math.sqrt(2.0), rel=0.01)
 
 
 def test_spread_of_edges_is_written() -> None:

@@ -5,6 +5,7 @@ Tests of ``python -m turning_shop advise --material ...``.
 
 import json
 import math
+import re
 import shlex
 import shutil
 from pathlib import Path
@@ -601,7 +602,22 @@ def test_the_answer_has_intervals_a_limit_and_what_to_measure(machine: str) -> N
     assert "(150 to 230)" in text
     assert "the nose radius binds" in text
     assert "catalogue, not measured" in text
-    assert "the flank wear of one edge" in text
+    # With Student's t of 9 degrees of freedom, ten edges tell the level of wear to within
+    # 2.262 * 0.34 / sqrt(10); the life deviates by twice that, as W ~ t^0.5.
+    half_width = 2.0 * 2.262 * 0.34 / math.sqrt(10.0)
+    low, high = best.parts * math.exp(-half_width), best.parts * math.exp(half_width)
+    found = re.search(r"the flank wear of 10 edges, .* narrows the parts an edge to (\d+) to", text)
+    assert found
+    assert int(found[1]) == pytest.approx(low, abs=1.0)
+    assert float(text.split()[-1]) == pytest.approx(high, abs=2.0)
+
+
+def test_edges_that_are_stated_to_differ_less_need_fewer_readings(tmp_path: Path) -> None:
+    path = tmp_path / "alike.toml"
+    path.write_text("[tool]\nwear_factor_spread = 0.05\n")
+    question = Question("42CrMo4", "CNMG120408-PM", "P25", BAR, depth=2.0, machine=str(path))
+    job = job_of(question)
+    assert "the flank wear of 4 edges" in sentence(job, start_advice(job))
 
 
 def test_on_a_weak_machine_the_power_is_what_to_measure(tmp_path: Path) -> None:
