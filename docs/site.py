@@ -26,6 +26,8 @@ from turning_env.physics.quantities import INFO, OBSERVATION, layout
 
 ROOT = Path(__file__).parents[1]
 LEADERBOARD = "leaderboard-page.html"
+WIDE = "---\nhide: [toc]\n---\n"
+"""Begins a page whose table takes the place of its contents."""
 MAIN_ID = "RoughTurning-v0"
 """The id that comes first on the page of the tasks."""
 
@@ -63,7 +65,7 @@ def on_page_content(content: str, **_: Any) -> str:
 def pages() -> dict[str, str]:
     """Return the text of all generated pages by path."""
     return {
-        "index.md": _from_root("README.md") + _citation(),
+        "index.md": WIDE + _from_root("README.md") + _citation(),
         "shop/index.md": _shop(),
         "contributing.md": _from_root("CONTRIBUTING.md"),
         "environment.md": _tasks(),

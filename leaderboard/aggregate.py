@@ -45,13 +45,13 @@ LEVELS = (0.0, 50.0, 90.0)
 BEST_RULE = "best rule"
 BEST_AGENT = "best unprivileged agent"
 WHAT_IT_ASKS = {
-    "shop": "memory and foresight on an unseen lathe whose model has wrong numbers",
-    "unmodelled": "finding by trial which laws the model of an unseen lathe lacks",
-    "RoughTurning-Shift-v0": "foresight over the edges of two hours",
-    "RoughTurning-Batch-v0": "a plan for twenty uncertain blanks",
-    "RoughTurning-v0": "estimating a hidden load; almost no foresight",
-    "RoughTurning-Override-v1": "fast feedback against a lag: hold the spindle load",
-    "RoughTurning-Surface-v1": "fast feedback against a lag: hold a roughness",
+    "shop": "memory and foresight: the lathe's model is wrong",
+    "unmodelled": "finding out which laws the model lacks",
+    "RoughTurning-Shift-v0": "foresight over many edges",
+    "RoughTurning-Batch-v0": "a plan for uncertain blanks",
+    "RoughTurning-v0": "estimating a hidden load",
+    "RoughTurning-Override-v1": "holding the spindle load against a lag",
+    "RoughTurning-Surface-v1": "holding a roughness against a lag",
 }
 """What each task on which agents are ranked asks of a policy, in the order of the table."""
 LETTERS = {
@@ -244,13 +244,18 @@ def by_task(tasks: Sequence[TaskScores]) -> list[dict[str, str]]:
     """
     rows = []
     for task in _in_order(tasks):
-        row = {"task": task.label, "what it asks": WHAT_IT_ASKS[task.label]}
+        row = {"task": _short(task.label), "what it asks": WHAT_IT_ASKS[task.label]}
         for kind in BY_TASK:
             row[kind.title] = _cell(task, kind)
         rows.append(row)
     if not rows:
         raise ResultError("agents are ranked on none of these tasks")
     return rows
+
+
+def _short(label: str) -> str:
+    """Return the label of a task without what all ids begin with."""
+    return label.removeprefix("RoughTurning-")
 
 
 def _in_order(tasks: Sequence[TaskScores]) -> list[TaskScores]:
@@ -283,7 +288,7 @@ def not_feasible(tasks: Sequence[TaskScores]) -> list[str]:
             if name is None or task.feasibility(name) == "feasible":
                 continue
             places = tasks_by_policy[task.feasibility(name)]
-            places.setdefault(name, []).append(task.label)
+            places.setdefault(name, []).append(_short(task.label))
     sentences = []
     for heading, feasibility in _HEADINGS.items():
         places = []

@@ -85,8 +85,8 @@ def tasks(make_scores: MakeTask) -> list[TaskScores]:
 def test_a_row_has_the_best_policy_of_each_kind_with_its_score(tasks: list[TaskScores]) -> None:
     first, second = by_task(tasks)
     assert first == {
-        "task": "RoughTurning-v0",
-        "what it asks": "estimating a hidden load; almost no foresight",
+        "task": "v0",
+        "what it asks": "estimating a hidden load",
         "random": "none",
         "best published": "none",
         "best rule": "`predictive` 90",
@@ -311,7 +311,7 @@ def test_policies_that_are_not_certainly_feasible_are_named(make_result: MakeRes
     verdicts = [task.feasibility(name) for name in ("fixed_tuned", "predictive", "causal")]
     assert verdicts == ["feasible", "infeasible", "feasible"]
     # The best rule is `fixed_tuned`, which is feasible.
-    assert not_feasible([task]) == ["Infeasible: `random` on RoughTurning-v0."]
+    assert not_feasible([task]) == ["Infeasible: `random` on v0."]
     assert task.has("predictive")
     assert not task.has("causal")
     assert not task.has("nobody")
