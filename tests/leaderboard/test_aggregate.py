@@ -176,6 +176,15 @@ def test_improvement_counts_a_tie_as_half(tasks: list[TaskScores]) -> None:
     assert wins.value + losses.value == pytest.approx(1.0)
 
 
+def test_improvement_counts_every_training_of_the_other(make_scores: MakeTask) -> None:
+    """The rule is better than one training of two, and worse than the mean of both."""
+    task = make_scores("RoughTurning-v0", "fixed_tuned", rule=-20.0, agent=(-30.0, -2.0))
+    listed = entries([task], ["ppo"])
+    wins = improvement(listed["best rule"], listed["ppo"])
+    assert wins is not None
+    assert wins.value == pytest.approx(0.5)
+
+
 def test_resamples_of_tasks_are_independent(make_scores: MakeTask) -> None:
     first, second = (
         make_scores(env_id, "fixed_tuned", rule=-10.0, agent=(-40.0, -20.0))
@@ -193,6 +202,23 @@ def test_a_task_without_its_oracle_has_no_scores(make_result: MakeResult) -> Non
     board = leaderboard_of([make_result("fixed_tuned", returns=0.0)])
     with pytest.raises(ResultError, match="causal has not played"):
         TaskScores(board)
+
+
+def test_a_notice_names_the_task_without_scores_and_the_others_are_read(
+    make_result: MakeResult, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for env_id, fixed, oracle in (
+        ("RoughTurning-v0", "fixed_tuned", 0.0),
+        # Here the oracle returns no more than the fixed parameters.
+        ("RoughTurning-Override-v1", "override_tuned", -100.0),
+    ):
+        on = task_on(env_id)
+        folder = result_folder(tmp_path, env_id, on.scenario.name)
+        write_result(make_result(fixed, on=on, returns=-100.0 + NOISE), folder)
+        write_result(make_result("causal", on=on, policy=ORACLE, returns=oracle + NOISE), folder)
+    assert [task.label for task in aggregate.read(tmp_path)] == ["RoughTurning-v0"]
+    expected = "RoughTurning-Override-v1 has no scores: causal is no better than override_tuned"
+    assert f"skipped: {expected}" in capsys.readouterr().err
 
 
 def test_an_unknown_policy_is_named(tasks: list[TaskScores]) -> None:

@@ -324,14 +324,22 @@ def test_power_costs_its_expected_excess_over_a_limit_that_falls_with_speed(
     assert gain.by_feed_feed == pytest.approx(feed_feed, rel=1e-3, abs=1e-3)
 
 
-def test_wear_that_grows_with_the_set_point_counts_in_the_slopes_of_power() -> None:
+@pytest.mark.parametrize(
+    ("growth", "slope_of_term"),
+    [(0.0, 1.0), (4.0, 4.0 * math.exp(-0.5) / (1.0 + 4.0 * math.exp(-0.5)))],
+    ids=["power law", "fresh share"],
+)
+def test_wear_that_grows_with_the_set_point_counts_in_the_slopes_of_power(
+    growth: float, slope_of_term: float
+) -> None:
     point = SimpleNamespace(log_power=-1.0, power_spread=0.05)
-    with_wear = charge_power(NUMBERS, NOTHING, laws(), point, state())
+    env = laws(power_growth=growth)
+    with_wear = charge_power(NUMBERS, NOTHING, env, point, state())
     without = charge_power(
-        NUMBERS, NOTHING, laws(), point, state()._replace(wear_by_speed=0.0, wear_by_feed=0.0)
+        NUMBERS, NOTHING, env, point, state()._replace(wear_by_speed=0.0, wear_by_feed=0.0)
     )
-    # Slopes by the log load: 0.5 * 0.2 by the speed, 0.5 * 0.1 by the feed.
-    slope = without.by_feed / (0.625 * 0.25)
+    # Slopes by the log load: 0.5 * 0.2 by the speed, 0.5 * 0.1 by the feed, for U = W.
+    slope = slope_of_term * without.by_feed / (0.625 * 0.25)
     assert with_wear.by_speed - without.by_speed == pytest.approx(0.1 * slope)
     assert with_wear.by_feed - without.by_feed == pytest.approx(0.05 * slope)
 

@@ -283,14 +283,25 @@ def test_a_schedule_spares_weak_edges() -> None:
     assert plan.time < schedule(SIMPLE).time - 0.01
 
 
-def test_a_schedule_knows_chatter() -> None:
+@pytest.mark.parametrize("edge_strength", [900.0, 450.0])
+def test_a_schedule_knows_chatter(edge_strength: float) -> None:
+    """Chatter exceeds the limit of force, and breaks weaker edges."""
     chatter = {"chatter": 0.8, "chatter_speed": 800.0, "chatter_width": 0.2}
-    scenario = changed(SIMPLE, machine=chatter)
+    still = changed(SIMPLE, tool={"edge_strength": edge_strength})
+    scenario = changed(still, machine=chatter)
     plan = schedule(scenario)
     steps = life_steps(scenario)
     values = [worths(steps, plan.time, change)[0] for change in range(1, LIVES + 1)]
     assert max(values) == pytest.approx(0.0, abs=0.01)
-    assert plan.time < schedule(SIMPLE).time
+    assert plan.time < schedule(still).time
+
+
+def test_where_all_edges_are_as_strong_they_are_changed_before_the_notch_breaks_them() -> None:
+    """A notch of 2 D breaks an edge at half of its life: in step 20 of 40."""
+    notched = changed(
+        SIMPLE, tool={"edge_strength_spread": 0.0}, edge_failure={"notch_growth": 2.0}
+    )
+    assert schedule(notched).change_at == pytest.approx(19.0 / LIVES)
 
 
 def test_the_price_of_time_is_at_most_five() -> None:
