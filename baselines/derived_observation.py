@@ -8,7 +8,6 @@ functions of the observation and, on a family, of the context; if that is hidden
 information.
 """
 
-from collections.abc import Sequence
 from typing import Any
 
 import gymnasium
@@ -22,11 +21,9 @@ from numpy.typing import NDArray
 from baselines.belief import at_end, with_final
 from baselines.models.feed_loop import shares_of
 from baselines.models.nominal_points import PointsOfEnvs, PointsOfModels
-from baselines.rule import Mask
-from turning_env import Scenario
 from turning_env.numerics.functions import log
 from turning_env.physics.quantities import DEVIATION_SCALE, MAX_RATIO
-from turning_env.policy import Actions, Observations, Policy
+from turning_env.policy import Actions, Observations
 
 DISTANCE_SCALE = 3.0
 """Scale of log ratios: most distances are of order one then."""
@@ -81,25 +78,6 @@ def with_entries(space: Any) -> Any:
         np.concatenate([space.high, np.array(high, np.float32)]),
         dtype=np.float32,
     )
-
-
-class DerivedPolicy(Policy):
-    """A policy that is shown ``ENTRIES`` behind the observations.
-
-    Args:
-        policy: the policy.
-        models: nominal model of each environment.
-    """
-
-    def __init__(self, policy: Policy, models: Sequence[Scenario]) -> None:
-        self._policy = policy
-        self._models = PointsOfModels(models)
-
-    def reset(self, mask: Mask) -> None:
-        self._policy.reset(mask)
-
-    def act(self, observations: Observations) -> Actions:
-        return self._policy.act(with_derived(self._models, observations))
 
 
 class DerivedObservation(

@@ -24,7 +24,6 @@ the base speed of the nominal model. A family's context holds all of them; if it
 further information.
 """
 
-from collections.abc import Sequence
 from typing import Any
 
 import gymnasium
@@ -43,11 +42,10 @@ from baselines.models.feed_loop import (
     within_window,
 )
 from baselines.models.nominal_points import PointsOfEnvs, PointsOfModels
-from baselines.rule import Mask
 from turning_env import Scenario
 from turning_env.action import sets_speed_and_feed, towards
 from turning_env.numerics.functions import exp
-from turning_env.policy import Actions, Observations, Policy
+from turning_env.policy import Actions, Observations
 
 # Middle and half width of what an action of -1 to 1 means. They contain the best constants on
 # training jobs of the family ``shop``.
@@ -111,25 +109,6 @@ def own_actions(models: PointsOfModels, load_targets: Any, observations: Observa
         feed=exp(log_feed),
         change_edge=change_edge,
     )
-
-
-class LoadTargetPolicy(Policy):
-    """A policy whose actions are load targets, which loops turn into an environment's own.
-
-    Args:
-        policy: the policy.
-        models: nominal model of each environment.
-    """
-
-    def __init__(self, policy: Policy, models: Sequence[Scenario]) -> None:
-        self._policy = policy
-        self._models = PointsOfModels(models)
-
-    def reset(self, mask: Mask) -> None:
-        self._policy.reset(mask)
-
-    def act(self, observations: Observations) -> Actions:
-        return own_actions(self._models, self._policy.act(observations), observations)
 
 
 class _Loops:

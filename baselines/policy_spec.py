@@ -41,9 +41,9 @@ def _of_moderate_size(parameters: dict[str, JsonValue]) -> dict[str, JsonValue]:
 
 Text = Annotated[str, Field(max_length=MAX_TEXT)]
 Digest = Annotated[str, Field(max_length=DIGEST_LENGTH)]
-Knowledge = Literal["nominal", "true_wear", "true_laws"]
-"""Model from which a family's policy is built: each job's nominal one, also with the true wear law,
-or with all that is true."""
+Knowledge = Literal["nominal", "true_laws"]
+"""Model from which a family's policy is built: each job's nominal one, without or with all true
+laws."""
 Parameters = Annotated[dict[str, JsonValue], AfterValidator(_of_moderate_size)]
 
 
@@ -121,7 +121,9 @@ class PolicySpec(BaseModel):
     @property
     def title(self) -> str:
         """Name with, in words, its knowledge and its memory."""
-        title = self.name + _KNOWLEDGE[self.knows]
+        title = self.name
+        if self.knows == "true_laws":
+            title += " with true laws"
         if self.forgets:
             title += " without memory between edges"
         return title
@@ -143,11 +145,3 @@ class PolicySpec(BaseModel):
         if not self.forgets:
             excluded.add("forgets")
         return self.model_dump(exclude=excluded)
-
-
-_KNOWLEDGE = {
-    "nominal": "",
-    "true_wear": " with the true wear law",
-    "true_laws": " with true laws",
-}
-"""Words in the title of a policy that ``knows`` more than the nominal model."""

@@ -18,7 +18,7 @@ from baselines.forgetful import Forgetful
 from baselines.models.schedule import FORMS
 from baselines.nominal_optimum import FixedNominalOptimum, feasible_shares
 from baselines.oracles import known_forms, perfect_state
-from baselines.oracles.truthful import Prefixes, Truthful
+from baselines.oracles.truthful import Truthful
 from baselines.policy_spec import Knowledge, PolicySpec, ScenarioId
 from leaderboard.agents.agent_file import informed
 from leaderboard.play import EPISODE_FIELDS, Episodes, play, play_family
@@ -36,13 +36,6 @@ POLICIES = (NOMINAL_OPTIMUM, NOMINAL_SHARE, *VARIED, CAUSAL)
 KNOWN_FORMS = "known_forms"
 """The oracle of the forms, on families that hide some (``baselines/oracles/known_forms.py``)."""
 BATCH = 64  # jobs that are played together
-
-_TRUE_FIELDS: dict[str, Prefixes] = {
-    "true_wear": "material.wear.",
-    "true_laws": "",
-}
-"""Fields whose true values are known, by ``PolicySpec.knows``; all names begin with the empty
-text."""
 
 
 def family_task(source: str | Path | Family, split: str | None, count: int) -> Task:
@@ -157,12 +150,10 @@ def rule_on_family(
             tuned_on=Scenario.load(family.base),
         )
     known_family = family
-    if name == CAUSAL:
+    if name == CAUSAL or knows == "true_laws":
         known_family = Truthful.of(family)
     elif name == KNOWN_FORMS:
         known_family = Truthful.of(family, FORMS)
-    elif knows != "nominal":
-        known_family = Truthful.of(family, _TRUE_FIELDS[knows])
     plays = FamilyPlay(
         known_family,
         _part_of(task).split,

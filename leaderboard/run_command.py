@@ -130,10 +130,10 @@ def add_to(commands: Any) -> None:
     add("--split", metavar="NAME", help="split of a family (default: unseen_jobs)")
     add(
         "--knows",
-        choices=("nominal", "true_wear", "true_laws"),
+        choices=("nominal", "true_laws"),
         default="nominal",
         help="model from which controllers of a family are built: nominal models, or these with "
-        "the true wear law or all true laws",
+        "all true laws",
     )
     add(
         "--forgets",

@@ -21,9 +21,11 @@ from gymnasium.spaces import Box
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError, model_validator
 
 from baselines.belief import Belief, BeliefPolicy, VectorBeliefObservation, with_belief
-from baselines.derived_observation import DerivedPolicy, VectorDerivedObservation, with_entries
-from baselines.load_target import LoadTargetPolicy, VectorLoadTargetAction, space_of
+from baselines.derived_observation import VectorDerivedObservation, with_derived, with_entries
+from baselines.load_target import VectorLoadTargetAction, own_actions, space_of
+from baselines.models.nominal_points import PointsOfModels
 from baselines.policy_spec import Parameters, PolicySpec, ScenarioId, Text
+from baselines.rule import Mask
 from leaderboard.agents import network
 from leaderboard.agents.messages import Outline
 from leaderboard.agents.network import MAX_BYTES, MAX_MEMORY
@@ -31,7 +33,7 @@ from leaderboard.inputs import Inputs
 from turning_env import ALL_IDS, FAMILY_ID, Family, Scenario
 from turning_env.batch.driver import action_space, observation_space
 from turning_env.files import read_regular
-from turning_env.policy import Policy, PolicyFactory
+from turning_env.policy import Actions, Observations, Policy, PolicyFactory
 from turning_env.scenario import PortableScenario
 
 NAME = r"^[A-Za-z0-9_][A-Za-z0-9_.-]{0,127}$"
@@ -196,15 +198,37 @@ def informed(agent: PolicySpec, scenarios: Scenario | Sequence[Scenario]) -> Pol
         played = [scenarios] * num_envs if isinstance(scenarios, Scenario) else scenarios
         models = [scenario.nominal() for scenario in played]
         policy = agent.make(num_envs)
-        # Each sees what the one after it adds: in reverse order of ``wrapped``.
+        # The belief stands behind the derived inputs: in reverse order of ``wrapped``.
         if inputs.belief:
             learns_laws = agent.trained_on is not None and bool(agent.trained_on.nominal_model)
             policy = BeliefPolicy(policy, Belief(models, learns_laws))
-        if inputs.derived:
-            policy = DerivedPolicy(policy, models)
-        return LoadTargetPolicy(policy, models) if inputs.load_target else policy
+        if inputs.derived or inputs.load_target:
+            policy = _WithNominalPoints(policy, inputs, models)
+        return policy
 
     return make
+
+
+class _WithNominalPoints(Policy):
+    """A policy that is shown derived inputs, sets load targets, or does both, as ``inputs`` say."""
+
+    def __init__(self, policy: Policy, inputs: Inputs, models: Sequence[Scenario]) -> None:
+        self._policy = policy
+        self._inputs = inputs
+        self._models = PointsOfModels(models)
+
+    def reset(self, mask: Mask) -> None:
+        self._policy.reset(mask)
+
+    def act(self, observations: Observations) -> Actions:
+        shown = observations
+        if self._inputs.derived:
+            shown = with_derived(self._models, observations)
+        actions = self._policy.act(shown)
+        if self._inputs.load_target:
+            # The loop reads the environment's own observations.
+            actions = own_actions(self._models, actions, observations)
+        return actions
 
 
 def wrapped(envs: Any, inputs: Inputs) -> Any:
