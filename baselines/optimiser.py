@@ -93,7 +93,9 @@ class Optimiser(Policy):
         self._scenario: Any = scenarios[0] if len(scenarios) == 1 else ScenarioBatch.of(scenarios)
         self._caution = caution
         self._wear_caution = wear_caution
-        self._parameters = records([edge_value.numbers_of(model, severity) for model in scenarios])
+        self._parameters = records(
+            [edge_value.life_numbers(model, severity) for model in scenarios]
+        )
         self._filter = LoadFilter(scenarios, num_envs, errors)
         self._times = self._times_ahead()
         self._moments = self._drive_moments()

@@ -33,7 +33,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from baselines.fixed import FixedParameters
-from baselines.models.process import ALIKE, Limit, Line, Process, Scales
+from baselines.models.process import ALIKE, Limit, LimitLine, Process, Scales
 from baselines.rule import Array, Mask, Rule, TuningRange
 from turning_env import PowerLaw, Scenario, read
 from turning_env.action import sets_speed_and_feed, towards
@@ -50,7 +50,7 @@ FURTHER = {"P": "radial_force", "S": "roughness"}
 _CUTTING_SPEED = PowerLaw(coefficient=1.0, cutting_speed=1.0)
 _FEED = PowerLaw(coefficient=1.0, feed=1.0)
 
-Lines = tuple[Line, ...]
+Lines = tuple[LimitLine, ...]
 LogPoint = tuple[Array, Array]  # log cutting speed [log m/min] and log feed [log mm/rev]
 
 
@@ -172,7 +172,7 @@ def _point_of_rule(rule: str, process: Process, cut: CutConditions) -> LogPoint:
         further_line = further.line(*cut)
         first_feed = first.room / first.feed
         further_feed = further_line.room / further_line.feed
-        first = Line(
+        first = LimitLine(
             cutting_speed=0.0,
             feed=1.0,
             room=np.minimum(first_feed, further_feed),
@@ -228,7 +228,9 @@ def _pairs(process: Process) -> list[LimitPair]:
     return [pair for pair in pairs if not pair.limit.parallel(pair.other_limit)]
 
 
-def _within_ranges(process: Process, lines: tuple[Line, Line], point: LogPoint) -> LogPoint:
+def _within_ranges(
+    process: Process, lines: tuple[LimitLine, LimitLine], point: LogPoint
+) -> LogPoint:
     """Return a rule's point within the machine's ranges; step 1 of the module's description.
 
     Feed, then cutting speed, is clipped to its range; the other one is set to the highest that both

@@ -83,7 +83,7 @@ class Teacher(SelfTuning):
         """Begin jobs, given by their nominal models, in the environments that are the keys."""
         for env_index, nominal in jobs.items():
             self.belief.replace_model(env_index, nominal)
-            numbers = edge_value.numbers_of(nominal, self._severity)
+            numbers = edge_value.life_numbers(nominal, self._severity)
             self._parameters[env_index] = records([numbers])[0]
         self._times = self._times_ahead()
         self._moments = self._drive_moments()

@@ -16,7 +16,7 @@ _DONE = "{desc}: {percentage:.0f} %, {n_fmt} of {total_fmt} {unit}s"
 _TIMES = "{elapsed} passed, {remaining} left"
 
 
-class Lines(tqdm):  # type: ignore[type-arg]
+class ProgressLines(tqdm):  # type: ignore[type-arg]
     """Progress as whole lines, for a file or a pipe; see ``progress``."""
 
     def __init__(self, *args: Any, **options: Any) -> None:
@@ -63,4 +63,4 @@ def progress(*args: Any, **options: Any) -> "tqdm[Any]":
     """
     if sys.stderr.isatty():
         return tqdm(*args, **options)
-    return Lines(*args, **options)
+    return ProgressLines(*args, **options)

@@ -87,7 +87,7 @@ PRICES = np.dtype(
 """Prices of time and life."""
 
 
-def numbers_of(scenario: Scenario, severity: float) -> dict[str, Any]:
+def life_numbers(scenario: Scenario, severity: float) -> dict[str, Any]:
     """Return the numbers of a scenario for this file and ``feed_search.py``.
 
     ``severity``: factor on the price of overload [-].
@@ -142,7 +142,7 @@ def price_life(parameters, laws, used_lives, prices):
     """Fill in the prices of time and life.
 
     Args:
-        parameters: records of ``numbers_of``, for all environments or each.
+        parameters: records of ``life_numbers``, for all environments or each.
         laws: records of ``EXPECTED_LAWS``, shape (num_envs,).
         used_lives: used shares D of the edges' lives [-], shape (num_envs,).
         prices: records of ``PRICES``, shape (num_envs,), which are overwritten.

@@ -115,7 +115,7 @@ class LoadExponents(NamedTuple):
 class Prior(NamedTuple):
     """The knowledge of a filter before its first reading, for some nominal models."""
 
-    parameters: Any  # records of ``numbers_of``, shape (models,)
+    parameters: Any  # records of ``filter_numbers_of``, shape (models,)
     mean: Array  # expected states, shape (models, STATES)
     covariance: Array  # shape (models, STATES, STATES)
 
@@ -135,7 +135,7 @@ def records(rows: Sequence[dict[str, Any]]) -> Any:
 def model_of(scenarios: Sequence[Scenario], errors: LawErrors | None = None) -> Prior:
     """Return the filter's knowledge of nominal models, whose laws have ``errors`` or are right."""
     learns_laws = errors is not None
-    rows = [numbers_of(scenario, learns_laws) for scenario in scenarios]
+    rows = [filter_numbers_of(scenario, learns_laws) for scenario in scenarios]
     parameters = records(rows)
     mean = np.zeros((len(rows), STATES))
     covariance = parameters["prior"][:, :, np.newaxis] * np.eye(STATES)
@@ -163,7 +163,7 @@ class LoadFilter:
         errors: expected errors of the laws; None: the laws are right.
 
     Attributes:
-        parameters: records of the nominal models, see ``numbers_of``.
+        parameters: records of the nominal models, see ``filter_numbers_of``.
         mean: expected states, shape (num_envs, STATES).
         covariance: their covariance, shape (num_envs, STATES, STATES).
         memory: records of ``kalman_steps.MEMORY``, shape (num_envs,).
@@ -362,7 +362,7 @@ def travel_numbers_of(scenario: Scenario) -> dict[str, float]:
     }
 
 
-def numbers_of(scenario: Scenario, errors: bool) -> dict[str, Any]:
+def filter_numbers_of(scenario: Scenario, errors: bool) -> dict[str, Any]:
     """Return the numbers of a nominal model, which may have ``errors``, for ``kalman_steps.py``."""
     control = scenario.control
     tool = scenario.tool

@@ -36,7 +36,7 @@ MAX_LIFE = 1e6
 
 
 @dataclass(frozen=True)
-class Line:
+class LimitLine:
     """The line on which a limit is reached: cutting_speed log V + feed log S = room.
 
     ``cutting_speed`` and ``feed`` are exponents [-], V is in m/min and S in mm/rev.
@@ -54,10 +54,10 @@ class Line:
 
     def highest_cutting_speed(self, log_feed: Array) -> Array:
         """Return the log cutting speed at which the limit is reached, or inf if none reaches it."""
-        exchanged = Line(cutting_speed=self.feed, feed=self.cutting_speed, room=self.room)
+        exchanged = LimitLine(cutting_speed=self.feed, feed=self.cutting_speed, room=self.room)
         return exchanged.highest_feed(log_feed)
 
-    def crossing(self, other: "Line") -> tuple[Array, Array]:
+    def crossing(self, other: "LimitLine") -> tuple[Array, Array]:
         """Return the log cutting speed and log feed at which this and another limit are reached.
 
         The lines must not be parallel.
@@ -91,7 +91,7 @@ class Limit:
         )
         return abs(determinant) <= ALIKE
 
-    def line(self, depth_of_cut: ArrayLike, hardness: ArrayLike, wear: ArrayLike) -> Line:
+    def line(self, depth_of_cut: ArrayLike, hardness: ArrayLike, wear: ArrayLike) -> LimitLine:
         """Return the limit's line at a depth of cut [mm], relative hardness [-] and wear [mm].
 
         All are positive; they broadcast.
@@ -99,7 +99,7 @@ class Limit:
         response = self.law(
             1.0, 1.0, depth_of_cut=depth_of_cut, time=self.time, wear=wear, hardness=hardness
         )
-        return Line(
+        return LimitLine(
             cutting_speed=self.law.cutting_speed,
             feed=self.law.feed,
             room=log(self.most) - log(response),

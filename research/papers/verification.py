@@ -92,7 +92,7 @@ def undisturbed(wear_factor: float = 1.0) -> Scenario:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class EdgeOutcome:
     """Result of an edge at fixed speed and feed."""
 
     rate: float  # removal rate [cm3/min]
@@ -104,7 +104,7 @@ class Outcome:
         return self.rate * self.life
 
 
-def played(tests: Sequence[VerificationTest], wear_factor: float = 1.0) -> list[Outcome]:
+def played(tests: Sequence[VerificationTest], wear_factor: float = 1.0) -> list[EdgeOutcome]:
     """Play tests to the end of their edges, with the same wear factor."""
     scenario = undisturbed(wear_factor)
     speeds = np.array([test.cutting_speed for test in tests])
@@ -119,7 +119,7 @@ def played(tests: Sequence[VerificationTest], wear_factor: float = 1.0) -> list[
     rates = episodes["removed"] / lives
     outcomes = []
     for rate, life in zip(rates, lives, strict=True):
-        outcomes.append(Outcome(rate=float(rate), life=float(life)))
+        outcomes.append(EdgeOutcome(rate=float(rate), life=float(life)))
     return outcomes
 
 

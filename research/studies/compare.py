@@ -209,7 +209,7 @@ class Study(BaseModel):
         return Study.model_validate(values)
 
 
-class Played(NamedTuple):
+class VariantEpisodes(NamedTuple):
     """Episodes of a variant by scenario, the task's own first, and the duration of its training."""
 
     episodes: dict[str, Episodes]
@@ -279,7 +279,7 @@ def publish(trained: Sequence[tuple[str, Run]], folder: Path) -> None:
         trainings.write(curves_path)
 
 
-def played(piece: tuple[str, int], study: Study, runs: Path) -> Played:
+def played(piece: tuple[str, int], study: Study, runs: Path) -> VariantEpisodes:
     """Train a variant with a training seed and play it, unless that is done.
 
     Args:
@@ -308,7 +308,7 @@ def played(piece: tuple[str, int], study: Study, runs: Path) -> Played:
     home = home_of(study, variant)
     if isinstance(home, Family):
         jobs_episodes = _played_on_family(study, variant, home, run, identity, runs)
-        return Played({study.task: jobs_episodes}, _seconds(run))
+        return VariantEpisodes({study.task: jobs_episodes}, _seconds(run))
     scenarios = [home]
     if study.splits:
         scenarios += [Scenario.load(split) for split in SPLITS]
@@ -325,7 +325,7 @@ def played(piece: tuple[str, int], study: Study, runs: Path) -> Played:
             identity.append(controller.identity)
             work = partial(play, informed(controller, scenario), scenario, seeds)
         episodes[scenario.name] = _cached(runs, [*identity, scenario.digest()], work)
-    return Played(episodes, _seconds(run))
+    return VariantEpisodes(episodes, _seconds(run))
 
 
 def _trained(run: Run) -> PolicySpec:
@@ -398,7 +398,7 @@ def _cached(runs: Path, identity: list[Any], work: Callable[[], Episodes]) -> Ep
     return {field: np.array(values) for field, values in kept.items()}
 
 
-class Row:
+class VariantRow:
     """A variant in the table.
 
     Args:
@@ -407,7 +407,7 @@ class Row:
         bootstrap: the resamples of all variants.
     """
 
-    def __init__(self, name: str, trained: Sequence[Played], bootstrap: Bootstrap) -> None:
+    def __init__(self, name: str, trained: Sequence[VariantEpisodes], bootstrap: Bootstrap) -> None:
         self.name = name
         self._bootstrap = bootstrap
         # Arrays of shape (training seeds, seeds), by scenario and field.
@@ -424,7 +424,7 @@ class Row:
             if played.seconds is not None:
                 self._seconds.append(played.seconds)
 
-    def cells(self, other: "Row | None", prices: Sequence[float] = ()) -> dict[str, str]:
+    def cells(self, other: "VariantRow | None", prices: Sequence[float] = ()) -> dict[str, str]:
         """Return the texts by heading.
 
         Args:
@@ -461,7 +461,7 @@ class Row:
             cells["Training [s]"] = f"{seconds:.0f}"
         return cells
 
-    def score(self, fixed: "Row", oracle: "Row") -> str:
+    def score(self, fixed: "VariantRow", oracle: "VariantRow") -> str:
         """Return the score on a scale of 0 for the mean return of one row and 100 for another's."""
         means = {}
         replicates = {}
@@ -478,7 +478,7 @@ class Row:
         shares = 100.0 * leads / gaps
         return _text(Estimate.of(share, shares))
 
-    def _compared_with(self, other: "Row", means: Floats) -> dict[str, str]:
+    def _compared_with(self, other: "VariantRow", means: Floats) -> dict[str, str]:
         """Return the cells of the differences from another row, paired by seed.
 
         ``means``: bootstrap replicates of this row's mean return.
@@ -550,12 +550,12 @@ def _text(estimate: Estimate) -> str:
     return f"{estimate.value:.1f} ({estimate.low:.1f} to {estimate.high:.1f})"
 
 
-def table(study: Study, variants: Mapping[str, Sequence[Played]]) -> str:
+def variants_table(study: Study, variants: Mapping[str, Sequence[VariantEpisodes]]) -> str:
     """Return a Markdown table of variants, each with the episodes of its training seeds."""
     bootstrap = Bootstrap(study.episodes)
     rows = {}
     for name, trained in variants.items():
-        rows[name] = Row(name, trained, bootstrap)
+        rows[name] = VariantRow(name, trained, bootstrap)
     if study.scenarios:
         return markdown(list(rankings(list(rows.values()))))
 
@@ -577,7 +577,7 @@ def table(study: Study, variants: Mapping[str, Sequence[Played]]) -> str:
     return markdown(cells)
 
 
-def rankings(rows: Sequence[Row]) -> Iterator[dict[str, str]]:
+def rankings(rows: Sequence[VariantRow]) -> Iterator[dict[str, str]]:
     """Yield the cells of each scenario: how its ranking differs from that of the first."""
     first = rows[0]
     home_keys = {row.name: row.rank_key(first.home) for row in rows}
@@ -665,7 +665,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     pieces.sort(key=lambda piece: piece[1])
     runs = parsed.runs / Path(parsed.study).stem / (parsed.task or "")
     work = partial(played, study=study, runs=runs)
-    done: dict[tuple[str, int], Played] = {}
+    done: dict[tuple[str, int], VariantEpisodes] = {}
     with (
         workers(parsed.jobs, parsed.scheduler) as over,
         tqdm(total=len(pieces), unit="play", disable=None) as bar,
@@ -683,5 +683,5 @@ def main(arguments: Sequence[str] | None = None) -> int:
     variants = {}
     for name in names:
         variants[name] = [done[name, seed] for seed in range(study.count(name))]
-    print(table(study, variants))
+    print(variants_table(study, variants))
     return 0

@@ -42,7 +42,7 @@ MAX_CONTEXT = 3.0
 Tensor = torch.Tensor
 
 
-class Law(NamedTuple):
+class ShareLaw(NamedTuple):
     """A linear law of the log shares of speed and feed."""
 
     weights: Tensor  # shape (numbers, 2)
@@ -118,7 +118,7 @@ def _place(log_share: Tensor, shares: Sequence[float]) -> tuple[Tensor, Tensor]:
     return index, place
 
 
-def fitted(context: Tensor, returns: Tensor, penalty: float) -> Law:
+def fitted(context: Tensor, returns: Tensor, penalty: float) -> ShareLaw:
     """Return the law with the highest mean return, less the penalty on its squared weights."""
     weights = torch.zeros(
         context.shape[1],
@@ -133,7 +133,7 @@ def fitted(context: Tensor, returns: Tensor, penalty: float) -> Law:
         dtype=torch.double,
         requires_grad=True,
     )
-    law = Law(weights, constants)
+    law = ShareLaw(weights, constants)
     optimizer = torch.optim.Adam(law, lr=LEARNING_RATE)
     for _ in range(ITERATIONS):
         of_jobs = interpolated(returns, law.log_shares(context))
@@ -142,7 +142,7 @@ def fitted(context: Tensor, returns: Tensor, penalty: float) -> Law:
         optimizer.zero_grad()
         loss.backward()  # type: ignore[no-untyped-call]
         optimizer.step()
-    return Law(weights.detach(), constants.detach())
+    return ShareLaw(weights.detach(), constants.detach())
 
 
 def cross_validated(context: Tensor, returns: Tensor, penalty: float) -> Floats:

@@ -75,7 +75,7 @@ class Spreads(NamedTuple):
     between: float  # between edges
 
 
-class Law(NamedTuple):
+class ForceLaw(NamedTuple):
     """The law of a force, F = c V^a f^x d^w (1 + b VB), and its residuals."""
 
     squares: float  # sum of squared residuals of log F
@@ -131,14 +131,14 @@ def residual_spreads(residuals: Any, edges: Any) -> Spreads:
     )
 
 
-def fit_law(runs: Sequence[dict[str, str]], force: Any) -> Law:
+def fit_law(runs: Sequence[dict[str, str]], force: Any) -> ForceLaw:
     """Return the law of a force with the least squares of log F."""
     wear = column(runs, "TCond")
     settings = np.ones((len(runs), 4))
     for i, name in enumerate(("vc", "f", "ap"), start=1):
         settings[:, i] = np.log(column(runs, name))
     # Given b, log F is linear in the other numbers.
-    best = Law(
+    best = ForceLaw(
         squares=np.inf,
         growth=0.0,
         solution=None,
@@ -151,7 +151,7 @@ def fit_law(runs: Sequence[dict[str, str]], force: Any) -> Law:
         residuals = log_force - settings @ solution
         squares = float(residuals @ residuals)
         if squares < best.squares:
-            best = Law(
+            best = ForceLaw(
                 squares=squares,
                 growth=growth,
                 solution=solution,

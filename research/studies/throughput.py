@@ -291,7 +291,7 @@ def runnable_cases(peers: dict[str, Callable[[], Iterator[Case]]]) -> tuple[list
     return cases, remarks
 
 
-def table(cases: Sequence[Case], timings: Sequence[Sequence[Timing]]) -> list[str]:
+def medians_table(cases: Sequence[Case], timings: Sequence[Sequence[Timing]]) -> list[str]:
     """Return the lines of a Markdown table of medians over the turns.
 
     Ratios are to the first case in the same turn.
@@ -406,7 +406,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     print(
         f"Machine: {machine()}. Versions: {', '.join(remarks)}.",
         "",
-        *table(cases, timings),
+        *medians_table(cases, timings),
         sep="\n",
     )
     return 0

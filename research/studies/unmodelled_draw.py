@@ -51,7 +51,7 @@ PARTS = ("worth", "probe")
 MIN_FORM = 1e-6  # size below which a form is none [-]
 
 
-class Row(NamedTuple):
+class PolicyRow(NamedTuple):
     """A policy's returns on the jobs [s], and its broken edges, if they are known."""
 
     policy: str
@@ -77,7 +77,7 @@ def given(policy: Policy) -> PolicyFactory:
     return lambda num_envs: policy
 
 
-def by_known_forms(family: Family, num_jobs: int) -> Row:
+def by_known_forms(family: Family, num_jobs: int) -> PolicyRow:
     """Return the row of ``KnownForms``, whose nominal models have the true forms."""
     truthful = Truthful.of(family, FORMS)
     jobs = [truthful.job(number, SPLIT) for number in range(num_jobs)]
@@ -90,15 +90,15 @@ def by_known_forms(family: Family, num_jobs: int) -> Row:
         ended = play_family(truthful, SPLIT, chunk, make_policy=given(policy), context="hidden")
         for name in EPISODE_FIELDS:
             episodes[name][chunk] = ended[name]
-    return Row("`self_tuning` with known forms", episodes["return"], episodes["edges_broken"])
+    return PolicyRow("`self_tuning` with known forms", episodes["return"], episodes["edges_broken"])
 
 
-def played(family: Family, policy: str, num_jobs: int) -> Row:
+def played(family: Family, policy: str, num_jobs: int) -> PolicyRow:
     """Return the row of a controller, or of the oracle."""
     truthful = Truthful.of(family) if policy == CAUSAL else family
     plays = FamilyPlay(truthful, SPLIT, policy, forgets=False)
     episodes = plays(family.job(0).scenario, range(num_jobs), lambda ended: None)
-    return Row(f"`{policy}`", episodes["return"], episodes["edges_broken"])
+    return PolicyRow(f"`{policy}`", episodes["return"], episodes["edges_broken"])
 
 
 def returns_of_speeds(family: Family, num_jobs: int) -> Floats:
@@ -117,7 +117,7 @@ def returns_of_speeds(family: Family, num_jobs: int) -> Floats:
     return returns
 
 
-def by_regression(returns: Floats, context: Floats) -> Row:
+def by_regression(returns: Floats, context: Floats) -> PolicyRow:
     """Return the row of a highest speed by ridge regression on the context.
 
     The regression predicts the return at each speed of the grid. Each job takes the speed that is
@@ -141,7 +141,7 @@ def by_regression(returns: Floats, context: Floats) -> Row:
         predicted = mean_returns + (context[left_out] - mean_context) @ slopes
         choices[left_out] = predicted.argmax(axis=1)
     chosen = returns[np.arange(len(returns)), choices]
-    return Row("speed by regression on the context", chosen)
+    return PolicyRow("speed by regression on the context", chosen)
 
 
 def worth(family: Family, num_jobs: int) -> list[dict[str, str]]:
@@ -151,7 +151,7 @@ def worth(family: Family, num_jobs: int) -> list[dict[str, str]]:
     for column, log_speed in enumerate(LOG_SPEEDS):
         share = float(np.exp(log_speed))
         title = f"`self_tuning`, at most {share:.2f} start speeds"
-        rows.append(Row(title, returns[:, column]))
+        rows.append(PolicyRow(title, returns[:, column]))
     context = np.array([family.job(number, SPLIT).context for number in range(num_jobs)])
     rows.append(by_regression(returns, context))
     strongest = max(rows, key=lambda row: row.returns.mean())
@@ -160,7 +160,7 @@ def worth(family: Family, num_jobs: int) -> list[dict[str, str]]:
     return [cells(row, strongest) for row in rows]
 
 
-def cells(row: Row, strongest: Row) -> dict[str, str]:
+def cells(row: PolicyRow, strongest: PolicyRow) -> dict[str, str]:
     """Return the cells of a row, by heading."""
     bootstrap = Bootstrap(len(row.returns))
 

@@ -31,7 +31,7 @@ from leaderboard.statistics import (
 )
 from leaderboard.table import markdown
 from research.studies.edge_probe import chunks_of_similar_length
-from research.studies.unmodelled_draw import Row, cells, given
+from research.studies.unmodelled_draw import PolicyRow, cells, given
 from turning_env import Family, Scenario
 from turning_env.console import described, exits, positive
 from turning_env.numerics.functions import exp
@@ -114,7 +114,7 @@ def played(family: Family, split: str, jobs: Sequence[int], make: Maker) -> Epis
     return episodes
 
 
-def table(num_jobs: int, split: str) -> list[dict[str, str]]:
+def policy_rows(num_jobs: int, split: str) -> list[dict[str, str]]:
     """Return the rows of the policies on the first jobs of a split."""
     task = family_task(FAMILY, split, num_jobs)
     bootstrap = Bootstrap(num_jobs)
@@ -128,11 +128,11 @@ def table(num_jobs: int, split: str) -> list[dict[str, str]]:
         episodes[name] = policy.compute(task.scenario, task.seeds, lambda ended: None)
     means = {name: mean_of(ended["return"], bootstrap) for name, ended in episodes.items()}
 
-    constant = Row(TITLES[CONSTANT], episodes[CONSTANT]["return"])
+    constant = PolicyRow(TITLES[CONSTANT], episodes[CONSTANT]["return"])
     rows = []
     for name, title in TITLES.items():
         ended = episodes[name]
-        row = Row(title, ended["return"], ended["edges_broken"])
+        row = PolicyRow(title, ended["return"], ended["edges_broken"])
         # The constant, whichever rule is the strongest.
         line = cells(row, constant)
         line = {key.replace("the strongest rule", "the constant"): line[key] for key in line}
@@ -208,8 +208,8 @@ def searched() -> list[dict[str, str]]:
     rows = []
     for reactions, values in zip(sets, returns, strict=True):
         count = len(values)
-        of_first = Row("", returns[0][:count])
-        row_cells = cells(Row(numbers_of(reactions), values), of_first)
+        of_first = PolicyRow("", returns[0][:count])
+        row_cells = cells(PolicyRow(numbers_of(reactions), values), of_first)
         rows.append(row_cells | {"Jobs": str(count)})
     return rows
 
@@ -227,11 +227,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         prog="python -m research.studies.unmodelled_reactions", **described(__doc__)
     )
     add = parser.add_argument
-    add("--part", choices=("table", "search"), default="table", help="(default: %(default)s)")
+    add(
+        "--part",
+        choices=("table", "search"),
+        default="table",
+        help="(default: %(default)s)",
+    )
     add("--split", choices=SPLITS, default="validation", help="of the table (default: %(default)s)")
     add("--jobs", type=positive, default=JOBS, help="jobs of the table (default: %(default)s)")
     options = parser.parse_args(arguments)
-    rows = table(options.jobs, options.split) if options.part == "table" else searched()
+    rows = policy_rows(options.jobs, options.split) if options.part == "table" else searched()
     print(markdown(rows))
     return 0
 

@@ -12,7 +12,7 @@ import tomllib
 from pathlib import Path
 
 from turning_nc.adapt import adapt
-from turning_nc.cutting import Machine, Situation, play
+from turning_nc.cutting import AssumedMachine, Situation, play
 from turning_nc.edges import change_wear
 from turning_nc.moves import run
 from turning_nc.removal import remove
@@ -35,14 +35,14 @@ def path_of(name: str) -> Path:
     return next(path for path in FOLDER.glob(f"{name}.*") if path.suffix in (".nc", ".mpf"))
 
 
-def situation_of(name: str, machine: Machine | None = None) -> Situation:
+def situation_of(name: str, machine: AssumedMachine | None = None) -> Situation:
     """Return a program on its stock."""
     entry = COLLECTION[name]
     program = read_program_file(path_of(name))
     moves = run(program)
     stock = read_stock(entry["stock"])
     removal = remove(moves, stock, entry.get("tools", {}))
-    return Situation(SCENARIO, machine or Machine(), moves, removal)
+    return Situation(SCENARIO, machine or AssumedMachine(), moves, removal)
 
 
 def main() -> int:
@@ -66,7 +66,7 @@ def main() -> int:
         f"{'load before':>13}{'after':>7}{'life':>7}"
     )
     for name in COLLECTION:
-        situation = situation_of(name, Machine(max_feed=options.max_feed))
+        situation = situation_of(name, AssumedMachine(max_feed=options.max_feed))
         before = summary(situation, play(situation, change_wear(situation)))
         adapted = adapt(situation, None, options.adapt)
         after = summary(adapted.situation, adapted.played)

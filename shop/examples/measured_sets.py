@@ -58,7 +58,7 @@ AIST_EDGE = (
 """Columns of AIST that are equal in all readings of an edge."""
 
 
-def table(source: str) -> list[Row]:
+def csv_rows(source: str) -> list[Row]:
     """Return the rows of a CSV file, which is a path or a URL."""
     if source.startswith("https://"):
         with urllib.request.urlopen(source) as answer:
@@ -79,7 +79,7 @@ def vicomtech(source: str) -> Iterator[tuple[str, list[Row]]]:
     seconds: dict[str, int] = defaultdict(int)
     from_fresh: dict[str, bool] = {}
     rows = []
-    for reading in table(source):
+    for reading in csv_rows(source):
         tool = reading["tool"]
         wear = float(reading["Vb"])
         known_time = from_fresh.setdefault(tool, wear < SEEN_FRESH)
@@ -102,12 +102,12 @@ def vicomtech(source: str) -> Iterator[tuple[str, list[Row]]]:
 
 def h13(folder: str) -> Iterator[tuple[str, list[Row]]]:
     """Yield the sheets of shay-tham/turning: forces of fresh and worn edges, and wear over time."""
-    first = _h13_forces(table(f"{folder}/Exp1.csv"))
-    second = _h13_forces(table(f"{folder}/Exp2.csv"))
+    first = _h13_forces(csv_rows(f"{folder}/Exp1.csv"))
+    second = _h13_forces(csv_rows(f"{folder}/Exp2.csv"))
     yield "H13, Exp1 and Exp2", [*first, *second]
     yield "H13, Exp2", second
     rows = {}
-    for reading in table(f"{folder}/Prep.csv"):
+    for reading in csv_rows(f"{folder}/Prep.csv"):
         # A reading of wear has several rows, one for each reading of roughness.
         time = reading["CTime"]
         place = (reading["Tool_ID"], time)
@@ -137,7 +137,7 @@ def _h13_settings(reading: Row) -> Row:
 def aist(source: str) -> Iterator[tuple[str, list[Row]]]:
     """Yield a sheet for each pair of work and tool material of AIST."""
     pairs: dict[str, list[Row]] = defaultdict(list)
-    for reading in table(source):
+    for reading in csv_rows(source):
         pair = f"{reading['work_material']} by {reading['tool_material']}"
         pairs[pair].append(
             {

@@ -15,12 +15,12 @@ import time
 from collections.abc import Callable
 
 from turning_nc.adapt import adapt
-from turning_nc.cutting import Machine, Situation, play
+from turning_nc.cutting import AssumedMachine, Situation, play
 from turning_nc.edges import beyond, change_wear
 from turning_nc.moves import run
 from turning_nc.plausibility import implausible
 from turning_nc.removal import remove
-from turning_nc.report import findings, rows, summary, table
+from turning_nc.report import blocks_table, findings, rows, summary
 from turning_nc.stock import read_stock
 from turning_nc.words import divide
 
@@ -144,13 +144,13 @@ def measure(text: str, scenario: Scenario, adapted: str | None) -> tuple[int, fl
     begin = time.process_time()
     moves = run(divide(text))
     removal = remove(moves, read_stock(STOCK))
-    situation = Situation(scenario, Machine(), moves, removal)
+    situation = Situation(scenario, AssumedMachine(), moves, removal)
     played = play(situation, change_wear(situation))
     beyond(situation, played)
     implausible(situation, played)
     summary(situation, played)
     blocks = rows(situation, played)
-    table(situation, blocks)
+    blocks_table(situation, blocks)
     findings(blocks)
     if adapted:
         adapt(situation, None, "blocks" if adapted == "blocks" else "words")

@@ -147,7 +147,7 @@ def _drive_simulated(options: argparse.Namespace) -> int:
         simulation=linuxcnc.simulated(options.policy, scenario, bars=bars, seed=seed),
     )
     name = Path(options.policy).stem if options.policy.endswith(".onnx") else options.policy
-    print(linuxcnc.table({name: comparison}))
+    print(linuxcnc.figures_table({name: comparison}))
     return DONE
 
 

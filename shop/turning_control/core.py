@@ -12,7 +12,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 from turning_control.readings import Readings, spindle_speed_at
-from turning_control.shield import DEFAULT_SETTINGS, LOG, REFUSALS, Settings, Shield
+from turning_control.shield import DEFAULT_SETTINGS, LOG, REFUSALS, Shield, ShieldSettings
 from turning_control.watch import Watch
 
 from turning_env.action import commanded
@@ -70,7 +70,10 @@ class Controller:
     """
 
     def __init__(
-        self, scenario: Scenario, make_policy: PolicyFactory, settings: Settings = DEFAULT_SETTINGS
+        self,
+        scenario: Scenario,
+        make_policy: PolicyFactory,
+        settings: ShieldSettings = DEFAULT_SETTINGS,
     ) -> None:
         self._scenario = scenario.nominal()
         self._highest_feed = highest_feed(scenario)
@@ -231,7 +234,7 @@ def highest_feed(scenario: Scenario) -> float:
     return scenario.machine.feed_max
 
 
-def safe_feed(scenario: Scenario, settings: Settings = DEFAULT_SETTINGS) -> float:
+def safe_feed(scenario: Scenario, settings: ShieldSettings = DEFAULT_SETTINGS) -> float:
     """Return the safe feed over the highest [-]."""
     return min(settings.safe_share * scenario.control.initial_feed / highest_feed(scenario), 1.0)
 

@@ -512,7 +512,7 @@ def simulated(policy: str, scenario: Scenario, bars: int, seed: int) -> Figures:
     )
 
 
-def table(comparisons: Mapping[str, Comparison]) -> str:
+def figures_table(comparisons: Mapping[str, Comparison]) -> str:
     """Return the figures of policies as a Markdown table."""
     heads = (
         "Policy, shielded",

@@ -94,15 +94,15 @@ class ByLoad(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Estimate:
+class StateEstimate:
     """Mean and covariance of the filter's states in each environment."""
 
     mean: Values  # (num_envs, NUM_STATES)
     covariance: Values  # (num_envs, NUM_STATES, NUM_STATES)
 
-    def copy(self) -> "Estimate":
+    def copy(self) -> "StateEstimate":
         """Return an estimate with arrays of its own."""
-        return Estimate(self.mean.copy(), self.covariance.copy())
+        return StateEstimate(self.mean.copy(), self.covariance.copy())
 
 
 @dataclass(frozen=True)
@@ -114,7 +114,7 @@ class SectionOutlook:
 
 
 @dataclass(frozen=True)
-class Outlook:
+class SectionsAhead:
     """Sections and times that the next commands must suit."""
 
     present: SectionOutlook
@@ -211,11 +211,11 @@ class Observer:
         # Time until the end of the step in which the next command holds [s].
         self._horizon = scenario.control.interval + scenario.machine.command_delay
 
-        self._estimate = Estimate(
+        self._estimate = StateEstimate(
             mean=np.zeros((num_envs, NUM_STATES)),
             covariance=np.zeros((num_envs, NUM_STATES, NUM_STATES)),
         )
-        self._outlook: Outlook
+        self._outlook: SectionsAhead
         self._known = np.zeros(num_envs, np.bool_)  # whether the bar has been measured
         self._readings = np.zeros(num_envs, np.int64)  # in this bar
         self._in_metal = np.zeros(num_envs, np.bool_)
@@ -305,7 +305,7 @@ class Observer:
         """Forget the bars at the next readings: steps without readings lie between."""
         self._missed = True
 
-    def _forget(self, estimate: Estimate, mask: Mask, states: slice) -> None:
+    def _forget(self, estimate: StateEstimate, mask: Mask, states: slice) -> None:
         """Set states back to their prior, independent of the others."""
         estimate.mean[mask, states] = 0.0
         estimate.covariance[mask, states, :] = 0.0
@@ -468,7 +468,7 @@ class Observer:
         """Return the index of the drawing's section in which the tool is; -1: before the bar."""
         return np.searchsorted(self._starts, self._place, side="right") - 1
 
-    def _predicted(self, moved: Values) -> Estimate:
+    def _predicted(self, moved: Values) -> StateEstimate:
         """Return the estimate after a distance [mm] in metal.
 
         The slope of depth is a process that forgets over ``_slope_length``; the excess integrates
@@ -491,7 +491,7 @@ class Observer:
         covariance[:, SLOPE, SLOPE] += slope_variance
         covariance[:, BAR, BAR] += self._hardness_drift * moved
         covariance[:, EDGE, EDGE] += EDGE_DRIFT**2 * moved
-        return Estimate(mean, covariance)
+        return StateEstimate(mean, covariance)
 
     def _correct(
         self, load: LoadModel, measured: Values, variance: Values, depth: Values, readable: Mask
@@ -509,7 +509,7 @@ class Observer:
         total = np.einsum("ni,ni->n", shared, gradient) + variance
         believed = readable & (surprise > -NO_CUT * np.sqrt(total))
         gain = np.where(believed[:, None], shared / total[:, None], 0.0)
-        self._estimate = Estimate(
+        self._estimate = StateEstimate(
             mean=mean + gain * surprise[:, None],
             covariance=covariance - gain[:, :, None] * shared[:, None, :],
         )
@@ -527,7 +527,7 @@ class Observer:
         asked_velocity = self._feed_velocity(asked_speed, allowed_feed)
         self._outlook = self._outlook_at(np.maximum(self._velocity, asked_velocity), target)
 
-    def _outlook_at(self, velocity: Values, target: float) -> Outlook:
+    def _outlook_at(self, velocity: Values, target: float) -> SectionsAhead:
         """Return what commands must bear if the tool moves at a velocity [mm/s]."""
         work = self._scenario.workpiece
         machine = self._scenario.machine
@@ -551,7 +551,7 @@ class Observer:
         next_start = np.where(new_bar, work.bar_length + work.approach, self._starts[following])
         time_left = np.maximum(next_start - self._place, 0.0) / velocity
         is_last = new_bar & (work.bars == 1)
-        return Outlook(
+        return SectionsAhead(
             present=present,
             following=there,
             in_air=section < 0,
@@ -576,7 +576,7 @@ class Observer:
         return slack
 
     def _section_outlook(
-        self, estimate: Estimate, depth: Values, unknown: Mask, target: float
+        self, estimate: StateEstimate, depth: Values, unknown: Mask, target: float
     ) -> SectionOutlook:
         """Return what commands must bear in a section of a nominal depth [mm]."""
         return SectionOutlook(
@@ -588,7 +588,7 @@ class Observer:
         )
 
     def _load_to_bear(
-        self, load: LoadModel, estimate: Estimate, depth: Values, unknown: Mask, target: float
+        self, load: LoadModel, estimate: StateEstimate, depth: Values, unknown: Mask, target: float
     ) -> Values:
         """Return a load over nominal that commands must bear at a nominal depth [mm]."""
         expected, gradient = load.response(estimate.mean, depth)

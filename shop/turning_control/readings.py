@@ -128,7 +128,7 @@ def is_switch(value: Any) -> bool:
     return isinstance(value, bool | np.bool_)
 
 
-class Table:
+class ReadingsTable:
     """What each reading of a machine may be, and which readings it must give.
 
     A reading that the machine has given once is needed from then on.

@@ -43,7 +43,7 @@ ROUNDING = 1e-6
 
 
 @dataclass(frozen=True)
-class Settings:
+class ShieldSettings:
     """Settings of the shield that an operator may choose."""
 
     safe_share: float = 0.5  # safe over programmed feed [-]
@@ -53,7 +53,7 @@ class Settings:
     deadline: float | None = None
 
 
-DEFAULT_SETTINGS = Settings()
+DEFAULT_SETTINGS = ShieldSettings()
 
 
 class Shield(Policy):
@@ -80,7 +80,7 @@ class Shield(Policy):
         policy: Policy,
         scenario: Scenario,
         num_envs: int,
-        settings: Settings = DEFAULT_SETTINGS,
+        settings: ShieldSettings = DEFAULT_SETTINGS,
     ) -> None:
         if scenario.control.action == "part":
             raise ValueError(

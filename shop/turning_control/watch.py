@@ -12,7 +12,7 @@ from turning_control.readings import (
     NUMBERS,
     OVERSHOOT,
     Readings,
-    Table,
+    ReadingsTable,
     force_reading,
     spindle_speed_at,
 )
@@ -49,7 +49,7 @@ class Watch:
         control = scenario.control
         machine = scenario.machine
         self._scenario = scenario
-        self._table = Table(scenario)
+        self._table = ReadingsTable(scenario)
         self._force = force_reading(scenario)
         self._sets_speed = control.action != "override"
         self._stuck = max(STUCK_TIME / control.interval, STUCK_INTERVALS)

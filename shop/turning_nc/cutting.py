@@ -47,7 +47,7 @@ MIN_SPINDLE_SPEED = 1e-9  # [rev/min], for the same reason
 
 
 @dataclass(frozen=True)
-class Machine:
+class AssumedMachine:
     """Properties of a machine that a scenario lacks (assumptions)."""
 
     max_spindle_speed: float = 4000.0  # [rev/min]
@@ -123,7 +123,7 @@ class Situation:
     def __init__(
         self,
         scenario: Scenario,
-        machine: Machine,
+        machine: AssumedMachine,
         moves: Moves,
         removal: Removal,
         evidence: "Evidence | None" = None,

@@ -42,7 +42,7 @@ from turning_nc.words import (
     evaluated,
 )
 
-__all__ = ["Kind", "Move", "Moves", "Reading", "run"]
+__all__ = ["Kind", "Move", "Moves", "ReadingChoices", "run"]
 
 END_OF_DRILLING = 80  # G function of Fanuc
 MAX_NAMED = 20  # largest number of lines that an error names
@@ -50,7 +50,7 @@ MAX_TIMES = 9999  # how often a sub-program is called at most; P and L of contro
 
 
 @dataclass(frozen=True)
-class Reading:
+class ReadingChoices:
     """Choices of the user in reading a program."""
 
     # Whether words that are not understood are left out, and named in the notes.
@@ -71,7 +71,7 @@ class Moves:
     """The moves of a program."""
 
     program: PartProgram
-    reading: Reading
+    reading: ReadingChoices
     moves: tuple[Move, ...]
 
     # Assumptions, and words that are not understood but do not change the tool's path, with lines.
@@ -92,7 +92,7 @@ class PartEnd(Exception):  # noqa: N818 - it ends a part's run, but is no error
     """The end of a sub-program."""
 
 
-def run(program: PartProgram, reading: Reading = Reading()) -> Moves:
+def run(program: PartProgram, reading: ReadingChoices = ReadingChoices()) -> Moves:
     """Return the moves of a program.
 
     Raises:
@@ -132,7 +132,7 @@ def _note_parts_not_run(control: Control) -> None:
             control.note(f"{shown} begins here, but is not called: its blocks are not run")
 
 
-def _check(control: Control, reading: Reading) -> None:
+def _check(control: Control, reading: ReadingChoices) -> None:
     """Check that a program is understood and cuts.
 
     Raises:

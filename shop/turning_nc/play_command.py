@@ -19,12 +19,12 @@ from turning_nc.report import (
     UNKNOWN_LOAD,
     Row,
     Summary,
+    blocks_table,
     changes,
     comparison,
     findings,
     rows,
     summary,
-    table,
 )
 from turning_nc.words import NcError, PartProgram, at_lines, naming
 from turning_shop import refuse_existing
@@ -177,7 +177,7 @@ def _check_out(options: argparse.Namespace) -> None:
 def _play(options: argparse.Namespace, laws: _Laws, tools: _Tools) -> _Results:
     """Read a program, remove its metal from the stock, play it, and return the results."""
     program = read_program(options.program, DIALECTS.get(options.dialect))
-    reading = moves.Reading(
+    reading = moves.ReadingChoices(
         go_on=options.go_on,
         unit=options.unit,
         steps=options.steps,
@@ -305,9 +305,9 @@ def _laws_by_tool(options: argparse.Namespace, situation: cutting.Situation) -> 
     return {tool: files.get(tool, options.scenario) for tool in situation.by_tool}
 
 
-def _machine(options: argparse.Namespace, scenario: Scenario) -> cutting.Machine:
-    return cutting.Machine(
-        max_spindle_speed=scenario.spindle.max_speed or cutting.Machine.max_spindle_speed,
+def _machine(options: argparse.Namespace, scenario: Scenario) -> cutting.AssumedMachine:
+    return cutting.AssumedMachine(
+        max_spindle_speed=scenario.spindle.max_speed or cutting.AssumedMachine.max_spindle_speed,
         max_feed=options.max_feed or math.inf,
     )
 
@@ -392,5 +392,5 @@ def _print(options: argparse.Namespace, results: _Results, adaption: _Adaption |
     for path in (options.figure, options.out):
         if path:
             lines.append(str(path))
-    print(table(situation, results.rows, units))
+    print(blocks_table(situation, results.rows, units))
     print("\n".join(map(units.text, lines)))

@@ -182,7 +182,7 @@ class _Taken(NamedTuple):
     metal: NDArray[Any]  # polygons
 
 
-class _Cut(NamedTuple):
+class _RemovedMetal(NamedTuple):
     """Metal that a straight move removes, summed up to the end of each of its slices."""
 
     shares: Values  # of the move's length at which slices end [-]
@@ -190,7 +190,7 @@ class _Cut(NamedTuple):
     moments: Values  # first moments about the axis [mm3]
 
 
-AIR = _Cut(shares=np.ones(1), areas=np.zeros(1), moments=np.zeros(1))
+AIR = _RemovedMetal(shares=np.ones(1), areas=np.zeros(1), moments=np.zeros(1))
 
 
 class _Cutting:
@@ -226,7 +226,7 @@ class _Cutting:
         # For each straight move: the index of the move to which it belongs, its ends, and its cut.
         self._moves: list[int] = []
         self._paths: list[tuple[Point, Point]] = []
-        self._cuts: list[_Cut] = []
+        self._cuts: list[_RemovedMetal] = []
 
     def run(self, index: int, move: Move, start: Point, end: Point) -> None:
         """Run a straight move, which may be a chord of an arc."""
@@ -237,7 +237,7 @@ class _Cutting:
         self._paths.append((start, end))
         self._cuts.append(cut)
 
-    def _cut(self, move: Move, start: Point, end: Point) -> _Cut:
+    def _cut(self, move: Move, start: Point, end: Point) -> _RemovedMetal:
         shape = self._shapes[move.tool]
         programmed = start
         start = self._placed(move.tool, start)
@@ -409,7 +409,7 @@ def _slim_shapes(kinds: Mapping[str, str]) -> dict[str, Values]:
     return slim_shapes
 
 
-def _sliced(sweep: Sweep, metal: NDArray[Any], area: float) -> _Cut:
+def _sliced(sweep: Sweep, metal: NDArray[Any], area: float) -> _RemovedMetal:
     """Return the slices of a move through metal.
 
     They are of one length between the first metal and the last, with one of air on each side.
@@ -418,7 +418,7 @@ def _sliced(sweep: Sweep, metal: NDArray[Any], area: float) -> _Cut:
     if area < MIN_AREA or steps == 1:
         radii = shapely.get_y(shapely.centroid(metal))
         moments = shapely.area(metal) * radii
-        return _Cut(
+        return _RemovedMetal(
             shares=np.ones(1),
             areas=np.array([area]),
             moments=np.array([moments.sum()]),
@@ -441,7 +441,7 @@ def _sliced(sweep: Sweep, metal: NDArray[Any], area: float) -> _Cut:
     is_air = areas <= touch
     areas[is_air] = 0.0
     moments[is_air] = 0.0
-    return _Cut(shares, areas, moments=moments)
+    return _RemovedMetal(shares, areas, moments=moments)
 
 
 def _check_side(moves: Moves, line: int, left: Metal) -> None:

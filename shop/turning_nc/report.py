@@ -438,7 +438,7 @@ def _cells(row: Row, units: Units) -> dict[str, str]:
     }
 
 
-def table(situation: Situation, blocks: Sequence[Row], units: Units = METRIC) -> str:
+def blocks_table(situation: Situation, blocks: Sequence[Row], units: Units = METRIC) -> str:
     """Return an aligned table of rows, without loads that have no limit."""
     heads = dict(_METRIC)
     if not situation.has_force_limit:

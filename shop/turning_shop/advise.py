@@ -715,7 +715,7 @@ def summary(
     """Yield lines of text: the jobs and prices, the recommendation, and a table of all advice."""
     for line in _sentences(scenario, evidence, advice):
         yield units.text(line)
-    yield from table(scenario, advice, units)
+    yield from advice_table(scenario, advice, units)
 
 
 def _sentences(scenario: Scenario, evidence: Evidence, advice: list[Advice]) -> Iterator[str]:
@@ -735,7 +735,7 @@ def _sentences(scenario: Scenario, evidence: Evidence, advice: list[Advice]) -> 
     yield ""
 
 
-def table(scenario: Scenario, advice: list[Advice], units: Units = METRIC) -> Iterator[str]:
+def advice_table(scenario: Scenario, advice: list[Advice], units: Units = METRIC) -> Iterator[str]:
     """Yield the lines of a table of all advice, with units."""
     heads = {
         "speed": "m/min",

@@ -52,7 +52,7 @@ CLOCK_INTERVAL = 1.0
 
 
 @dataclass(frozen=True)
-class Result:
+class PlayedPolicy:
     """One policy's result."""
 
     name: str
@@ -65,12 +65,12 @@ class Result:
 
 
 @dataclass(frozen=True)
-class Played:
+class PlayedAdvice:
     """Results of all policies, the fixed parameters first."""
 
     unit: str  # currency, or "min" of machine time
     edges: int  # played with each policy
-    results: list[Result]
+    results: list[PlayedPolicy]
     notes: list[str]  # what was played, and under which assumptions
 
     def summary(self, units: Units = METRIC) -> Iterator[str]:
@@ -153,7 +153,7 @@ def play_all(
     agents: Sequence[str],
     edges: int,
     on_play: Callable[[str], object] = lambda name: None,
-) -> Played:
+) -> PlayedAdvice:
     """Play advised parameters, the best rule and agents on simulated edges and bars that vary.
 
     Args:
@@ -197,7 +197,7 @@ def play_all(
             f"of {edges} edges broke {', '.join(broken)}: "
             "see tool.edge_strength, edge_failure and mismatch"
         )
-    return Played(Prices.of(scenario).unit, edges, results=results, notes=notes)
+    return PlayedAdvice(Prices.of(scenario).unit, edges, results=results, notes=notes)
 
 
 def _at_own_cost(scenario: Scenario, one_edge: Scenario, seeds: Sequence[int]) -> Scenario:
@@ -303,7 +303,7 @@ def _for_one_edge(
     return Scenario.model_validate(values)
 
 
-def _results(scenario: Scenario, plays: list[_Play]) -> list[Result]:
+def _results(scenario: Scenario, plays: list[_Play]) -> list[PlayedPolicy]:
     """Return each policy's cost of a part, and its saving over the first policy."""
     prices = Prices.of(scenario)
     volume = part_volume(scenario)
@@ -313,7 +313,7 @@ def _results(scenario: Scenario, plays: list[_Play]) -> list[Result]:
         """Return the mean over the seeds that were played, then those of their resamples."""
         return np.append(values.mean(), bootstrap.means(values[np.newaxis], ""))
 
-    results: list[Result] = []
+    results: list[PlayedPolicy] = []
     for name, episodes in plays:
         # An episode ends when its edge is worn out, broken or changed by plan, or before if the
         # edge lasts too long to play. Then only the used share counts.
@@ -335,7 +335,7 @@ def _results(scenario: Scenario, plays: list[_Play]) -> list[Result]:
         savings = fixed_costs - costs
         overload = severe_share(episodes["severe_overload_time"], episodes["engaged_time"])
         results.append(
-            Result(
+            PlayedPolicy(
                 name=name,
                 removal_rate=float(metal[0] / time[0]),
                 overload=overload,

@@ -45,7 +45,7 @@ BOTH = Look(f"{ADVISED.label}, and {HIGHEST.label}", "D", "black")
 SAME_CUT = 1e-3  # relative difference of speed or feed, up to which two marks are one [-]
 
 
-class Mark(NamedTuple):
+class CutMark(NamedTuple):
     """A cut to mark."""
 
     look: Look
@@ -71,7 +71,7 @@ class Callout(NamedTuple):
 
 
 def draw_marks(
-    axes: Axes, marks: Sequence[Mark], nose_radius: float, units: Units
+    axes: Axes, marks: Sequence[CutMark], nose_radius: float, units: Units
 ) -> list[Callout]:
     """Draw marks with their texts, and return what ``place`` puts right.
 
@@ -110,7 +110,7 @@ def draw_marks(
     return callouts
 
 
-def handles(marks: Sequence[Mark]) -> list[Line2D]:
+def handles(marks: Sequence[CutMark]) -> list[Line2D]:
     """Return the legend handles of marks."""
     lines = []
     for look, _, _ in marks:

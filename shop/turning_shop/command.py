@@ -313,7 +313,7 @@ def _whatif(options: argparse.Namespace) -> int:
         writer.writeheader()
         writer.writerows(records)
     else:
-        lines = tables.table(
+        lines = tables.cuts_table(
             cuts,
             prediction,
             units=SYSTEMS[options.units],

@@ -25,7 +25,7 @@ from turning_shop.callouts import (
     HIGHEST,
     SAME_CUT,
     Callout,
-    Mark,
+    CutMark,
     draw_marks,
     place,
 )
@@ -276,18 +276,18 @@ def draw_sheet(
     table = lines[:2] + lines[end_of_headline + 1 :]
     warnings = _wrapped_warnings(evidence, SHEET_WIDTH, units)
     blocks = [
-        Block([recommendation], size=11, weight="bold"),
-        Block(sentences, size=7),
-        Block(table, size=6.5, family="monospace"),
-        Block(warnings, size=7, color=VERMILLION),
-        Block(textwrap.wrap(DISCLAIMER, SHEET_WIDTH), size=7),
+        TextBlock([recommendation], size=11, weight="bold"),
+        TextBlock(sentences, size=7),
+        TextBlock(table, size=6.5, family="monospace"),
+        TextBlock(warnings, size=7, color=VERMILLION),
+        TextBlock(textwrap.wrap(DISCLAIMER, SHEET_WIDTH), size=7),
     ]
     _write(text_page, blocks)
     place(figure, callouts)
     return _without_formulas(figure)
 
 
-class Block(NamedTuple):
+class TextBlock(NamedTuple):
     """Lines of one look on the sheet."""
 
     lines: list[str]
@@ -302,7 +302,7 @@ class Block(NamedTuple):
         return LINE_SPACING * self.size * (len(self.lines) + BLOCK_GAP)
 
 
-def _write(page: Any, blocks: Sequence[Block]) -> None:
+def _write(page: Any, blocks: Sequence[TextBlock]) -> None:
     """Write blocks one below the other, smaller if they do not fit."""
     height = A4[1] * 72.0 * HEIGHT_RATIOS[1] / sum(HEIGHT_RATIOS)  # [pt]
     filled = [block for block in blocks if block.lines]
@@ -532,17 +532,17 @@ def _marks(
     extrapolated: NDArray[np.bool_],
     advised: PartPlan | None,
     has_highest: bool,
-) -> list[Mark]:
+) -> list[CutMark]:
     """Return the marks of the advised cut and of the highest removal rate within the limits."""
     marks = []
     if advised is not None:
-        marks.append(Mark(ADVISED, advised.cuts, advised.mark))
+        marks.append(CutMark(ADVISED, advised.cuts, advised.mark))
     if has_highest and kept.any():
         index = np.where(kept, cuts.removal_rate, 0.0).argmax()
         cut = Cuts._make(np.asarray(values.flat[index]) for values in cuts)
         if advised is not None and _is_same(advised.cuts, cut):
-            return [Mark(BOTH, advised.cuts, advised.mark)]
-        marks.append(Mark(HIGHEST, cut, " *" if extrapolated.flat[index] else ""))
+            return [CutMark(BOTH, advised.cuts, advised.mark)]
+        marks.append(CutMark(HIGHEST, cut, " *" if extrapolated.flat[index] else ""))
     return marks
 
 

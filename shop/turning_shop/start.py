@@ -17,7 +17,7 @@ from turning_shop.advise import Advice, advise
 from turning_shop.allowed import FEED_PER_NOSE, MAX_DEFLECTION, bending_parts, with_roughness
 from turning_shop.catalogue import UNMEASURED, groups, laws, materials, thrust
 from turning_shop.catalogue.inserts import Insert
-from turning_shop.catalogue.materials import Material
+from turning_shop.catalogue.materials import NamedMaterial
 from turning_shop.catalogue.start_values import (
     CONDITIONS,
     DEPTH_EXPONENT,
@@ -31,7 +31,7 @@ from turning_shop.fit import TYPICAL_EDGE_SPREAD
 from turning_shop.prediction import Evidence
 from turning_shop.provenance import TAYLOR, Stated, for_advice
 from turning_shop.start_question import USUAL_ENTERING_ANGLE, Question, Setup, setup_of
-from turning_shop.start_window import Window, window_of
+from turning_shop.start_window import CutWindow, window_of
 
 from turning_env.scenario import Scenario
 from turning_env.scenario.scenario import flat, merged
@@ -40,15 +40,15 @@ QUANTILE = 1.96  # half the 95 % interval over the standard deviation [-]
 SUPPORT_ASSUMED = "the chuck alone holds the bar: --support states another"
 
 
-class Job(NamedTuple):
+class CatalogueJob(NamedTuple):
     """A job as a scenario with laws of a catalogue."""
 
     question: Question
-    material: Material
+    material: NamedMaterial
     insert: Insert
     grade: str
     start: Start
-    window: Window
+    window: CutWindow
     scenario: Scenario
     evidence: Evidence
     values: dict[str, Any]  # that the catalogue and the question state, by section
@@ -132,7 +132,7 @@ def _percent(log_deviation: float) -> str:
     return f"{100 * math.expm1(QUANTILE * log_deviation):.0f} %"
 
 
-def job_of(question: Question) -> Job:
+def job_of(question: Question) -> CatalogueJob:
     """Return the job of a question.
 
     Raises:
@@ -170,7 +170,7 @@ def job_of(question: Question) -> Job:
     edge_spread = TYPICAL_EDGE_SPREAD["wear"]
     if "tool.wear_factor_spread" in setup.stated:
         edge_spread = scenario.tool.wear_factor_spread
-    return Job(
+    return CatalogueJob(
         question=question,
         material=setup.material,
         insert=insert,
@@ -200,7 +200,7 @@ def _scenario(setup: Setup, values: dict[str, Any]) -> Scenario:
     return Scenario.load({"name": allowed_name} | job_values)
 
 
-def _values(setup: Setup, window: Window) -> dict[str, Any]:
+def _values(setup: Setup, window: CutWindow) -> dict[str, Any]:
     """Return the values of the question and the catalogue, by section."""
     stock = setup.question.stock
     group = setup.material.group
@@ -233,7 +233,7 @@ def _values(setup: Setup, window: Window) -> dict[str, Any]:
     }
 
 
-def _limits(setup: Setup, window: Window, fitted: Any) -> dict[str, Any]:
+def _limits(setup: Setup, window: CutWindow, fitted: Any) -> dict[str, Any]:
     """Return the limits of force and power: those of the machine, and the insert's strength.
 
     The insert bears the thrust of its highest feed and depth in this material, worn out.
@@ -256,12 +256,12 @@ def _limits(setup: Setup, window: Window, fitted: Any) -> dict[str, Any]:
     return limits
 
 
-def start_advice(job: Job) -> list[Advice]:
+def start_advice(job: CatalogueJob) -> list[Advice]:
     """Return the advice on a job, the least cost first."""
     return advise(job.scenario, job.evidence)
 
 
-def toml_of(job: Job, out: Path) -> str:
+def toml_of(job: CatalogueJob, out: Path) -> str:
     """Return the job as a scenario's file, with its evidence; ``calibrate`` can take it as base."""
     lines = [f"# Laws of a catalogue, not measured: {job.material.described}."]
     for line in (*job.sources, *job.assumptions):

@@ -10,6 +10,7 @@ from turning_shop.advise import (
     Advice,
     PartPlan,
     Prices,
+    advice_table,
     best_plan,
     bound_sentence,
     extrapolation,
@@ -18,7 +19,6 @@ from turning_shop.advise import (
     overload_risk,
     plan,
     surface,
-    table,
     tried_plans,
 )
 from turning_shop.allowed import feed_range
@@ -26,7 +26,7 @@ from turning_shop.catalogue import UNMEASURED
 from turning_shop.catalogue.materials import other_states
 from turning_shop.fit import LEVEL, TYPICAL_EDGE_SPREAD
 from turning_shop.prediction import Evidence, LawEvidence, longest_life
-from turning_shop.start import QUANTILE, Job
+from turning_shop.start import QUANTILE, CatalogueJob
 from turning_shop.units import METRIC, Units
 from turning_shop.wear_plan import EDGES, ENOUGH
 
@@ -45,7 +45,7 @@ _BOUND_NAMES = {
 }
 
 
-def _binding(job: Job, advice: Advice) -> str:
+def _binding(job: CatalogueJob, advice: Advice) -> str:
     """Return the limit whose lifting saves most, for people."""
     if not advice.bounds:
         return "no limit binds"
@@ -64,7 +64,7 @@ class Narrowing(NamedTuple):
     gain: str
 
 
-def narrowings(job: Job, best: PartPlan) -> list[Narrowing]:
+def narrowings(job: CatalogueJob, best: PartPlan) -> list[Narrowing]:
     """Return what measurements would narrow, that which narrows the cost most first.
 
     The cost is that of the best cut if a law is at the end of its interval.
@@ -73,7 +73,7 @@ def narrowings(job: Job, best: PartPlan) -> list[Narrowing]:
     return sorted(both, key=lambda narrowing: narrowing.saving, reverse=True)
 
 
-def _wear_narrowing(job: Job, best: PartPlan) -> Narrowing:
+def _wear_narrowing(job: CatalogueJob, best: PartPlan) -> Narrowing:
     """Return what the wear of some edges, measured once each, would narrow."""
     wear = job.evidence.laws["wear"]
     factors = best.cuts._asdict()
@@ -110,7 +110,7 @@ def _edges_to_measure(before: float, spread: float) -> tuple[int, float]:
     return edges, min(after, before)
 
 
-def _power_narrowing(job: Job, best: PartPlan) -> Narrowing:
+def _power_narrowing(job: CatalogueJob, best: PartPlan) -> Narrowing:
     """Return what the spindle's power, measured once, would narrow."""
     # Only the spread of edges remains: it is far below the deviation of the catalogue.
     before = job.material.group.force_deviation
@@ -124,7 +124,7 @@ def _power_narrowing(job: Job, best: PartPlan) -> Narrowing:
     )
 
 
-def _cost_range(job: Job, law: str, deviation: float) -> float:
+def _cost_range(job: CatalogueJob, law: str, deviation: float) -> float:
     """Return how far the least cost goes if a law lies within its 95 % interval."""
     material = job.scenario.material
     nominal_law = getattr(material, law)
@@ -152,7 +152,7 @@ def _with_wear_evidence(evidence: Evidence, deviation: float) -> Evidence:
     return evidence.model_copy(update={"laws": laws})
 
 
-def _plan_again(job: Job, best: PartPlan, evidence: Evidence) -> PartPlan:
+def _plan_again(job: CatalogueJob, best: PartPlan, evidence: Evidence) -> PartPlan:
     """Return a plan with other evidence."""
     return plan(
         job.scenario,
@@ -176,7 +176,7 @@ def _parts_word(count: Any) -> str:
     return "part" if count == 1 else "parts"
 
 
-def sentence(job: Job, advice: list[Advice]) -> str:
+def sentence(job: CatalogueJob, advice: list[Advice]) -> str:
     """Return the answer: settings, edge change, cost, limit, and what to measure.
 
     The windows of speed, feed and depth are those of insert, grade and machine. The intervals of
@@ -205,16 +205,16 @@ def sentence(job: Job, advice: list[Advice]) -> str:
     )
 
 
-def summary(job: Job, advice: list[Advice], units: Units = METRIC) -> Iterator[str]:
+def summary(job: CatalogueJob, advice: list[Advice], units: Units = METRIC) -> Iterator[str]:
     """Yield lines of text: the answer, limits, a table, sources and assumptions."""
     for line in _answer(job, advice):
         yield units.text(line)
-    yield from table(job.scenario, advice, units)
+    yield from advice_table(job.scenario, advice, units)
     for line in _grounds(job):
         yield units.text(line)
 
 
-def questions(job: Job) -> Iterator[str]:
+def questions(job: CatalogueJob) -> Iterator[str]:
     """Yield what to tell because the answer depends on it, as sentences for people."""
     group = job.material.group
     if job.efficiency_assumed:
@@ -231,7 +231,7 @@ def questions(job: Job) -> Iterator[str]:
         )
 
 
-def _answer(job: Job, advice: list[Advice]) -> Iterator[str]:
+def _answer(job: CatalogueJob, advice: list[Advice]) -> Iterator[str]:
     """Yield the lines above the table, in metric units."""
     scenario = job.scenario
     prices = Prices.of(scenario)
@@ -260,7 +260,7 @@ def _answer(job: Job, advice: list[Advice]) -> Iterator[str]:
     yield ""
 
 
-def _grounds(job: Job) -> Iterator[str]:
+def _grounds(job: CatalogueJob) -> Iterator[str]:
     """Yield the lines below the table, in metric units."""
     yield ""
     yield f"{UNMEASURED}:"

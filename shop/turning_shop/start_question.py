@@ -9,7 +9,7 @@ from turning_shop import WorkshopError
 from turning_shop.catalogue.groups import softest, with_hardness
 from turning_shop.catalogue.hardness import MAX_OF_CARBIDE
 from turning_shop.catalogue.inserts import Insert, read_insert
-from turning_shop.catalogue.materials import Material, find_material
+from turning_shop.catalogue.materials import NamedMaterial, find_material
 from turning_shop.catalogue.start_values import (
     Grade,
     Start,
@@ -57,7 +57,7 @@ class Setup(NamedTuple):
     """A question whose designations are read."""
 
     question: Question
-    material: Material
+    material: NamedMaterial
     insert: Insert
     grade: Grade
     machine: Scenario
@@ -106,7 +106,7 @@ def setup_of(question: Question) -> Setup:
     )
 
 
-def _material(question: Question) -> Material:
+def _material(question: Question) -> NamedMaterial:
     """Return the material of a question, at the hardness that it states.
 
     Raises:
@@ -132,7 +132,7 @@ def _material(question: Question) -> Material:
 
 
 def _start(
-    question: Question, material: Material, *, insert: Insert, grade: Grade, depth: float
+    question: Question, material: NamedMaterial, *, insert: Insert, grade: Grade, depth: float
 ) -> Start:
     """Return the start value: that of the box, or else of the table.
 

@@ -15,7 +15,7 @@ UNREACHED = 0.5
 """Lowest over highest value of a range that the machine, or the nose radius, ends (assumption)."""
 
 
-class Window(NamedTuple):
+class CutWindow(NamedTuple):
     """Ranges of cuts that insert, grade and machine allow."""
 
     speeds: tuple[float, float]  # [m/min]
@@ -26,7 +26,7 @@ class Window(NamedTuple):
     assumptions: tuple[str, ...]
 
 
-def window_of(setup: Setup) -> Window:
+def window_of(setup: Setup) -> CutWindow:
     """Return where insert, grade and machine allow cuts.
 
     Raises:
@@ -47,7 +47,7 @@ def window_of(setup: Setup) -> Window:
             f"{stated_depth:g} mm is outside the {depths[0]:g} to {depths[1]:.2g} mm of its "
             "chip breaker: chips may not break",
         )
-    return Window(
+    return CutWindow(
         speeds=(speeds.low, speeds.high),
         feeds=(feeds.low, feeds.high),
         depths=depths,

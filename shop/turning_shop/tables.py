@@ -68,7 +68,7 @@ _TABLE = {
 _LIMITED = ("thrust_force_share", "power_share")
 
 
-def table(
+def cuts_table(
     cuts: Cuts,
     prediction: "Prediction | None" = None,
     units: Units = METRIC,

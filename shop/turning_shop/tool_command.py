@@ -11,7 +11,7 @@ from turning_shop import WorkshopError, aligned, refuse_existing
 from turning_shop.tool_library import (
     FIELDS,
     UNITS,
-    Tool,
+    LibraryTool,
     completed,
     csv_of,
     read_tools,
@@ -30,7 +30,7 @@ def tools(options: argparse.Namespace) -> int:
     """
     if options.out is not None and options.out.suffix != ".csv":
         raise WorkshopError(f"--out is {options.out}, but a table's name must end in .csv")
-    library: list[Tool] = []
+    library: list[LibraryTool] = []
     for path in options.files:
         library += [_advised_tool(path)] if path.suffix == ".toml" else read_tools(path)
     print("\n".join(aligned(list(_rows(library)))))
@@ -51,7 +51,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add("--overwrite", action="store_true", help="replace existing files")
 
 
-def _advised_tool(path: Path) -> Tool:
+def _advised_tool(path: Path) -> LibraryTool:
     """Return the tool of a scenario's file, with the advised cut."""
     from turning_shop.advise import advise
     from turning_shop.provenance import load
@@ -63,7 +63,7 @@ def _advised_tool(path: Path) -> Tool:
     # "CNMG120408-PM P25 in 42CrMo4", see start.py
     name, _, material = evidence.tool.partition(" in ")
     designation, _, grade = name.rpartition(" ")
-    tool = Tool(
+    tool = LibraryTool(
         designation=designation or scenario.name,
         grade=grade,
         material=material,
@@ -76,7 +76,7 @@ def _advised_tool(path: Path) -> Tool:
     return completed(tool)
 
 
-def _rows(tools: list[Tool]) -> Iterator[list[str]]:
+def _rows(tools: list[LibraryTool]) -> Iterator[list[str]]:
     """Yield the rows of a table of tools."""
     yield [name.replace("_", " ") for name in FIELDS]
     yield [UNITS.get(name, "") for name in FIELDS]

@@ -26,7 +26,7 @@ MIN_TOLERANCE = 0.11  # the same in absolute terms: files round to 0.1 [mm]
 
 
 @dataclass(frozen=True)
-class Tool:
+class LibraryTool:
     """An insert, and start values for it; NaN or an empty text where they are unknown."""
 
     designation: str  # ISO 1832, or the maker's own
@@ -48,7 +48,7 @@ UNITS = {
     "depth_of_cut": "mm",
     "diameter": "mm",
 }
-FIELDS = tuple(item.name for item in fields(Tool))
+FIELDS = tuple(item.name for item in fields(LibraryTool))
 HEADERS = [f"{name} [{UNITS[name]}]" if name in UNITS else name for name in FIELDS]
 NAMES = {
     "designation": ("designation", "insert", "tool", "name", "iso", "bezeichnung"),
@@ -64,7 +64,7 @@ NAMES = {
 """Headers of a CSV file, in small letters and without units."""
 
 
-def read_tools(path: Path) -> list[Tool]:
+def read_tools(path: Path) -> list[LibraryTool]:
     """Return the tools of a CSV table, one per row, in the columns of ``NAMES``.
 
     Raises:
@@ -85,7 +85,7 @@ def read_tools(path: Path) -> list[Tool]:
         raise WorkshopError(f"{path}: {error}") from error
 
 
-def insert_of(tool: Tool) -> Insert | None:
+def insert_of(tool: LibraryTool) -> Insert | None:
     """Return the insert of a tool's designation; None if it is the maker's own."""
     try:
         return read_insert(tool.designation)
@@ -93,7 +93,7 @@ def insert_of(tool: Tool) -> Insert | None:
         return None
 
 
-def completed(tool: Tool) -> Tool:
+def completed(tool: LibraryTool) -> LibraryTool:
     """Return a tool with the lengths that its designation tells.
 
     WorkshopError if the tool has none, or its lengths are others.
@@ -117,7 +117,7 @@ def completed(tool: Tool) -> Tool:
     return tool
 
 
-def _tools_of_csv(text: str) -> Iterator[Tool]:
+def _tools_of_csv(text: str) -> Iterator[LibraryTool]:
     """Yield the tools of a table."""
     first_line, _, _ = text.partition("\n")
     separator = max(",;\t", key=first_line.count)
@@ -146,7 +146,7 @@ def _tools_of_csv(text: str) -> Iterator[Tool]:
             values[name] = cell
             if name in UNITS:
                 values[name] = _number(cell, f"line {number}, {name}")
-        yield Tool(**values)
+        yield LibraryTool(**values)
 
 
 def _field_of(header: str) -> str | None:
@@ -179,7 +179,7 @@ def _number(text: str, where: str) -> float:
     return value
 
 
-def csv_of(tools: Sequence[Tool]) -> str:
+def csv_of(tools: Sequence[LibraryTool]) -> str:
     """Return a CSV table of tools."""
     file = io.StringIO()
     writer = csv.writer(file, lineterminator="\n")

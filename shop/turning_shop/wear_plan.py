@@ -19,7 +19,7 @@ from turning_shop.calibrate import calibrate
 from turning_shop.fit import TYPICAL_EDGE_SPREAD
 from turning_shop.measurements import Measurements
 from turning_shop.prediction import LawEvidence, evidence_of
-from turning_shop.start import Job
+from turning_shop.start import CatalogueJob
 from turning_shop.units import METRIC, Units
 
 from turning_env.scenario.power_law import PowerLaw
@@ -66,7 +66,7 @@ class Stop(NamedTuple):
     wear: float  # that is expected [mm]
 
 
-def stops(job: Job, best: PartPlan) -> list[Stop]:
+def stops(job: CatalogueJob, best: PartPlan) -> list[Stop]:
     """Return when to stop and read an edge: after whole parts if it lasts some.
 
     Raises:
@@ -93,7 +93,7 @@ def stops(job: Job, best: PartPlan) -> list[Stop]:
     return planned
 
 
-def expected_sheet(job: Job, best: PartPlan, edges: int) -> Measurements:
+def expected_sheet(job: CatalogueJob, best: PartPlan, edges: int) -> Measurements:
     """Return the readings that are expected of some edges at the advised cut.
 
     The law's values, with edges and readings that differ as usual: the deviations are the normal
@@ -141,12 +141,12 @@ def _scattered(
     return np.asarray(law(**factors) * np.exp(of_edges + of_readings))
 
 
-def known_now(job: Job, best: PartPlan) -> Known:
+def known_now(job: CatalogueJob, best: PartPlan) -> Known:
     """Return what the catalogue tells."""
     return _known(0, best, laws=job.evidence.laws, material=job.scenario.material)
 
 
-def known_after(job: Job, best: PartPlan, sheet: Measurements) -> Known:
+def known_after(job: CatalogueJob, best: PartPlan, sheet: Measurements) -> Known:
     """Return what ``calibrate`` tells with a sheet, about the expected life and power.
 
     Raises:
@@ -188,7 +188,7 @@ def _interval(value: float, log_half_width: float) -> Interval:
 # The page.
 
 
-def render(job: Job, best: PartPlan, units: Units = METRIC) -> str:
+def render(job: CatalogueJob, best: PartPlan, units: Units = METRIC) -> str:
     """Return the page as HTML, which needs no other file.
 
     Raises:

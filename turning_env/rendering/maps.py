@@ -73,7 +73,7 @@ class HalfPlane(NamedTuple):
         return self.cutting_speed * log_speed + self.feed * log_feed - self.room
 
 
-class Cut(NamedTuple):
+class CutConditions(NamedTuple):
     """The metal and the edge that cuts it."""
 
     depth: float  # depth of cut [mm]
@@ -81,7 +81,7 @@ class Cut(NamedTuple):
     wear: float  # flank wear [mm]
 
 
-class Limit(NamedTuple):
+class DrawnLimit(NamedTuple):
     """A limit and its colour."""
 
     half_plane: HalfPlane
@@ -102,14 +102,18 @@ class Contour(NamedTuple):
     text: str
 
 
-def bound(law: PowerLaw, limit: float, cut: Cut) -> HalfPlane:
+def bound(law: PowerLaw, limit: float, cut: CutConditions) -> HalfPlane:
     """Return the half-plane in which a response does not exceed a limit, in its unit."""
     response = float(law(1.0, 1.0, cut.depth, time=1.0, wear=cut.wear, hardness=cut.hardness))
     return HalfPlane(law.cutting_speed, law.feed, room=math.log(limit / response))
 
 
 def wear_bound(
-    scenario: Scenario, cut: Cut, wear_factor: float, used_life: float, cutting_time: float
+    scenario: Scenario,
+    cut: CutConditions,
+    wear_factor: float,
+    used_life: float,
+    cutting_time: float,
 ) -> HalfPlane:
     """Return the half-plane in which the edge outlasts the next step; see ``physics/wear.py``.
 
@@ -132,7 +136,7 @@ def wear_bound(
         # The published rule: wear grows by K ((t + dt)^n - t^n), whatever was cut before.
         end = cutting_time + minutes
         limit = wear_left / (end**law.time - cutting_time**law.time)
-    return bound(law, limit / wear_factor, Cut(cut.depth, cut.hardness, wear=1.0))
+    return bound(law, limit / wear_factor, CutConditions(cut.depth, cut.hardness, wear=1.0))
 
 
 def clip(corners: Sequence[Point], limit: HalfPlane) -> Clipped:
@@ -251,17 +255,17 @@ class OperatingMap:
         draw_key(image, (left, self._box.bottom + 52), of_others)
 
     def _limits(
-        self, cut: Cut, wear_factor: float, used_life: float, now: dict[str, float]
-    ) -> list[Limit]:
+        self, cut: CutConditions, wear_factor: float, used_life: float, now: dict[str, float]
+    ) -> list[DrawnLimit]:
         """Return the limits at the present speed and cutting time."""
         scenario = self._scenario
         material = scenario.material
         base_speed = scenario.base_cutting_speed
         power = scenario.limits.power - idle_power_at(scenario, now["cutting_speed"])
         limits = [
-            Limit(bound(material.power, power, cut), POWER),
-            Limit(bound(material.thrust_force, scenario.limits.thrust_force, cut), FORCE),
-            Limit(
+            DrawnLimit(bound(material.power, power, cut), POWER),
+            DrawnLimit(bound(material.thrust_force, scenario.limits.thrust_force, cut), FORCE),
+            DrawnLimit(
                 wear_bound(
                     scenario,
                     cut,
@@ -278,10 +282,10 @@ class OperatingMap:
             torque = scenario.limits.power / base_speed - idle_power_at(scenario, 1.0)
             half_plane = bound(material.power, torque, cut)
             half_plane = half_plane._replace(cutting_speed=half_plane.cutting_speed - 1.0)
-            limits.append(Limit(half_plane, POWER))
+            limits.append(DrawnLimit(half_plane, POWER))
         return limits
 
-    def _reference_line(self, cut: Cut, now: dict[str, float]) -> Limit:
+    def _reference_line(self, cut: CutConditions, now: dict[str, float]) -> DrawnLimit:
         """Return the line on which the force gives the reference of roughness."""
         surface = self._scenario.surface
         # Ra = a exp(b F)
@@ -289,9 +293,9 @@ class OperatingMap:
             math.log(now["roughness_reference"] / surface.roughness_at_no_force)
             / surface.roughness_rate
         )
-        return Limit(bound(self._scenario.material.thrust_force, force, cut), SURFACE)
+        return DrawnLimit(bound(self._scenario.material.thrust_force, force, cut), SURFACE)
 
-    def _region(self, limits: list[Limit]) -> list[Point]:
+    def _region(self, limits: list[DrawnLimit]) -> list[Point]:
         """Return the corners of the part of the machine's ranges within the limits, or none."""
         corners = self._corners
         for limit in limits:
@@ -316,7 +320,7 @@ class OperatingMap:
         if history.passes:
             depth = max(history.passes[-1].depth, MIN_DEPTH)
         # Limits are those of the edge as it is; they close in as it wears.
-        cut = Cut(depth, history.hardness, history.wear)
+        cut = CutConditions(depth, history.hardness, history.wear)
         limits = self._limits(cut, now["wear_factor"], used_life=now["used_life"], now=now)
         allowed = self._region(limits)
         # A polygon of fewer corners is empty.
@@ -349,7 +353,7 @@ class OperatingMap:
 
     def _draw_nominal_region(self, draw: ImageDraw.ImageDraw, history: History) -> None:
         """Draw the outline of the region that is allowed by the nominal model."""
-        cut = Cut(self._nominal_depth, hardness=1.0, wear=history.nominal_wear)
+        cut = CutConditions(self._nominal_depth, hardness=1.0, wear=history.nominal_wear)
         limits = self._limits(
             cut, wear_factor=1.0, used_life=history.nominal_used_life, now=history.now
         )

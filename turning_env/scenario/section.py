@@ -122,7 +122,7 @@ class Section(BaseModel):
         return self
 
 
-class Range(NamedTuple):
+class AllowedRange(NamedTuple):
     """The allowed range of a quantity, ends included."""
 
     low: float
@@ -134,17 +134,17 @@ class Range(NamedTuple):
         return f"{self.low} to {self.high} {self.unit}"
 
 
-def _range_of(field: Any) -> Range | None:
+def _range_of(field: Any) -> AllowedRange | None:
     """Return the range that ``quantity`` declared for a field of a model, or None."""
     declared = field.json_schema_extra
     if not isinstance(declared, dict) or "unit" not in declared:
         return None
-    return Range(low=declared["minimum"], high=declared["maximum"], unit=declared["unit"])
+    return AllowedRange(low=declared["minimum"], high=declared["maximum"], unit=declared["unit"])
 
 
 # A scenario is validated value by value, and its classes declare the same every time.
 @cache
-def _ranges_of(section: type[BaseModel]) -> dict[str, Range]:
+def _ranges_of(section: type[BaseModel]) -> dict[str, AllowedRange]:
     """Return the ranges of a section's quantities by their names."""
     ranges = {}
     for name, field in section.model_fields.items():
@@ -160,9 +160,9 @@ def _minima_of(section: type[BaseModel]) -> tuple[str, ...]:
     return tuple(name for name in section.model_fields if name.endswith("_min"))
 
 
-def declared_ranges(section: type[BaseModel], prefix: str = "") -> dict[str, Range]:
+def declared_ranges(section: type[BaseModel], prefix: str = "") -> dict[str, AllowedRange]:
     """Return the range of every quantity of a section and the sections in it, by dotted names."""
-    ranges: dict[str, Range] = {}
+    ranges: dict[str, AllowedRange] = {}
     for name, field in section.model_fields.items():
         allowed = _range_of(field)
         if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):

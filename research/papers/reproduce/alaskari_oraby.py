@@ -32,14 +32,14 @@ from research.papers.grid_search import (
     sides,
     whole_life,
 )
-from research.papers.reproduce.checks import Check, at_least, at_most, claim, table
+from research.papers.reproduce.checks import Check, aligned_table, at_least, at_most, claim
 from research.papers.verification import (
     COLLAPSE_FORCE,
     COLLAPSE_TIME,
     MEASURED,
     STATED_LIFE,
     TESTS,
-    Outcome,
+    EdgeOutcome,
     VerificationTest,
 )
 from turning_env import Scenario
@@ -150,22 +150,22 @@ def life_checks() -> Iterator[Check]:
     )
 
 
-def adaptive_control() -> Outcome:
+def adaptive_control() -> EdgeOutcome:
     """Return the result of the grid search's edge."""
     minutes = whole_life()
     removed = sum(minute.removed for minute in minutes)
-    return Outcome(rate=removed / len(minutes), life=float(len(minutes)))
+    return EdgeOutcome(rate=removed / len(minutes), life=float(len(minutes)))
 
 
 class Rival(NamedTuple):
     """One of the tests T1 to T9, played."""
 
     test: VerificationTest
-    nominal: Outcome  # result with nominal wear
+    nominal: EdgeOutcome  # result with nominal wear
     # Factor on the nominal wear with which the edge lasts as long as measured [-]; NaN where the
     # paper gives no life.
     wear_factor: float
-    measured: Outcome | None  # result with the wear factor
+    measured: EdgeOutcome | None  # result with the wear factor
 
 
 @cache
@@ -190,7 +190,7 @@ def ratio_checks() -> Iterator[Check]:
     """Yield the checks of the metal of the grid search over that of the tests."""
     control = adaptive_control()
     # The paper's ratios of metal per edge count 15 min for the grid search, see ``verification``.
-    stated = Outcome(rate=control.rate, life=STATED_LIFE)
+    stated = EdgeOutcome(rate=control.rate, life=STATED_LIFE)
     for rival in rivals():
         test = rival.test
         quantity = f"grid search / {test.name}, metal per"
@@ -271,7 +271,7 @@ def rival_checks() -> Iterator[Check]:
 class EqualWear(NamedTuple):
     """Means over edges that wear as those of the tests did, on the preset `measured_wear`."""
 
-    outcome: Outcome
+    outcome: EdgeOutcome
     severe: float  # share of cutting time over a limit by more than 5 % [-]
     excess: float  # mean relative excess over the limits [-]
 
@@ -280,7 +280,7 @@ def play_with_measured_wear(make_policy: PolicyFactory, scenario: Scenario) -> E
     """Return the means of a policy over ``NUM_EDGES`` edges."""
     episodes = play(make_policy, scenario, seeds=tuning_seeds(NUM_EDGES))
     seconds = episodes["engaged_time"].sum()
-    outcome = Outcome(
+    outcome = EdgeOutcome(
         rate=60.0 * float(episodes["removed"].sum() / seconds),
         life=float(seconds) / 60.0 / NUM_EDGES,
     )
@@ -396,7 +396,7 @@ def nominal_table() -> Iterator[str]:
             f"{control.total / nominal.total:.2f}",
         ]
         lines.append(cells + cells_of_measured)
-    yield from table(heads, lines)
+    yield from aligned_table(heads, lines)
 
 
 def equal_wear_table() -> Iterator[str]:
@@ -415,7 +415,7 @@ def equal_wear_table() -> Iterator[str]:
             f"{result.excess:.1%}",
         ]
         lines.append(cells)
-    yield from table(heads, lines)
+    yield from aligned_table(heads, lines)
 
 
 def corner_checks() -> Iterator[Check]:

@@ -110,7 +110,7 @@ def claim(what: str, holds: Any, not_reproduced: str = "") -> Check:
     return Check(what, 1.0, ours=ours, relation="true", not_reproduced=not_reproduced)
 
 
-def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> Iterator[str]:
+def aligned_table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> Iterator[str]:
     """Yield the lines of a table whose columns are as wide as their widest cell.
 
     The first column is aligned to the left, the others to the right.

@@ -19,7 +19,7 @@ import numpy as np
 from baselines.fuzzy_override import FIRST_FORM, MODIFIED_FORM, fuzzy_override, new_override
 from baselines.load_override import RULES as LOAD_RULES
 from baselines.models.part_program import PartProgram
-from research.papers.reproduce.checks import Check, at_least, at_most, claim, table
+from research.papers.reproduce.checks import Check, aligned_table, at_least, at_most, claim
 from research.papers.stepped_bar import RIPPLE, STEPS, Trajectory, play_bar, stepped_bar
 from turning_env import Scenario
 from turning_env.policy import Policy
@@ -267,7 +267,7 @@ def rest_table() -> Iterator[str]:
         for lengths in section_lengths:
             cells.append(f"{saved_at_rest(overrides, lengths):.1f}")
         lines.append(cells)
-    yield from table(heads, lines)
+    yield from aligned_table(heads, lines)
 
 
 def swing_table() -> Iterator[str]:
@@ -293,7 +293,7 @@ def swing_table() -> Iterator[str]:
         cells = [f"{lags.servo} s, {lags.chip} turns"]
         cells += [f"{value:.1f}" for value in swings]
         lines.append(cells)
-    yield from table(heads, lines)
+    yield from aligned_table(heads, lines)
 
 
 def tables() -> Iterator[str]:

@@ -35,7 +35,7 @@ from baselines.models.process import Limit, Process
 from baselines.rule import Array
 from baselines.two_limits import MIN_DEPTH, set_point
 from research.papers import rows
-from research.papers.reproduce.checks import Check, at_least, at_most, table
+from research.papers.reproduce.checks import Check, aligned_table, at_least, at_most
 from research.papers.reproduce.part_programming_cases import case_checks, formula_checks
 from turning_env import PowerLaw, Scenario
 from turning_env.scenario.laws import machining_cost
@@ -267,7 +267,7 @@ def gain_table() -> Iterator[str]:
         for kind, values in gains_by_kind.items():
             cells = [f"{value:.1f}" for value in values]
             lines.append([f"{source}, {kind}", *cells])
-    yield from table(heads, lines)
+    yield from aligned_table(heads, lines)
 
 
 def reading_table() -> Iterator[str]:
@@ -283,7 +283,7 @@ def reading_table() -> Iterator[str]:
         for deviation in deviations:
             values = [gain_by_reading(rule, kind, deviation) for rule in CLAIMED]
             lines.append([f"{kind}, {deviation:g} mm", *(f"{value:.1f}" for value in values)])
-    yield from table(heads, lines)
+    yield from aligned_table(heads, lines)
 
 
 def tables() -> Iterator[str]:

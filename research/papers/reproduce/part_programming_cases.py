@@ -34,7 +34,7 @@ from baselines.two_limits import ECONOMIC_OPTIMUM, AdaptiveRule
 from leaderboard.play import play
 from leaderboard.seeds import tuning_seeds
 from research.papers import changed
-from research.papers.reproduce.checks import Check, at_most, claim, table
+from research.papers.reproduce.checks import Check, aligned_table, at_most, claim
 from turning_env import PowerLaw, Scenario
 from turning_env.console import described, exits
 from turning_env.policy import PolicyFactory
@@ -408,7 +408,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             cells.append(f"{cost.minutes:.2f} ({cost.margin:.1f})")
         cells.append(f"{100.0 * (real_time.minutes / programmed.minutes - 1.0):.0f} %")
         lines.append(cells)
-    print(*table(heads, lines), sep="\n")
+    print(*aligned_table(heads, lines), sep="\n")
     return 0
 
 

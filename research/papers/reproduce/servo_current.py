@@ -31,7 +31,7 @@ from leaderboard.play import play
 from leaderboard.seeds import tuning_seeds
 from research.papers import changed, record
 from research.papers.phase_current import CurrentReport, analyse
-from research.papers.reproduce.checks import Check, at_least, at_most, claim, table
+from research.papers.reproduce.checks import Check, aligned_table, at_least, at_most, claim
 from research.papers.stepped_bar import NO_SPREADS
 from turning_env import Scenario, read
 from turning_env.numerics.conversions import feed_velocity_at, spindle_speed_at
@@ -533,7 +533,7 @@ def error_table() -> Iterator[str]:
         lines.append(cells)
     delays = [f"{delay:.1f}" for delay in DELAYS]
     lines.append(["lag of the estimate [samples]", "", *delays])
-    yield from table(heads, lines)
+    yield from aligned_table(heads, lines)
 
 
 def phase_table() -> Iterator[str]:
@@ -543,7 +543,7 @@ def phase_table() -> Iterator[str]:
     lines = []
     for hold in zip(report.load, *report.quantities.values(), strict=True):
         lines.append([f"{value:.4g}" for value in hold])
-    yield from table(["thrust force [N]", *report.quantities], lines)
+    yield from aligned_table(["thrust force [N]", *report.quantities], lines)
 
 
 def tables() -> Iterator[str]:

@@ -13,12 +13,12 @@ pytest.importorskip("shapely")
 from hypothesis import given
 from hypothesis import strategies as st
 from turning_nc.adapt import adapt
-from turning_nc.cutting import Machine, Situation, play
+from turning_nc.cutting import AssumedMachine, Situation, play
 from turning_nc.edges import beyond, change_wear
-from turning_nc.moves import Reading, run
+from turning_nc.moves import ReadingChoices, run
 from turning_nc.plausibility import implausible
 from turning_nc.removal import remove
-from turning_nc.report import findings, rows, summary, table
+from turning_nc.report import blocks_table, findings, rows, summary
 from turning_nc.stock import guessed_stock, read_stock
 from turning_nc.words import NcError, divide
 
@@ -34,11 +34,11 @@ def attempt(
 ) -> list[Any] | None:
     """Return the rows and totals of a program; None if it is refused."""
     try:
-        moves = run(divide(text), Reading(go_on=go_on))
+        moves = run(divide(text), ReadingChoices(go_on=go_on))
         tools = {} if kind is None else {moves.moves[0].tool: kind}
         polygon = read_stock(stock) if stock else guessed_stock(moves, tools)[0]
         removal = remove(moves, polygon, tools)
-        situation = Situation(SCENARIO, Machine(), moves, removal)
+        situation = Situation(SCENARIO, AssumedMachine(), moves, removal)
         played = play(situation, change_wear(situation))
         blocks = rows(situation, played)
         results = [
@@ -46,7 +46,7 @@ def attempt(
             asdict(summary(situation, played)),
             beyond(situation, played),
             implausible(situation, played),
-            table(situation, blocks),
+            blocks_table(situation, blocks),
             findings(blocks),
         ]
         if adapted:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from turning_control.__main__ import main
-from turning_control.machine_log.cuts import Settings, find_cuts, read_record
+from turning_control.machine_log.cuts import CutSettings, find_cuts, read_record
 from turning_control.machine_log.record import Recorder, Sample
 from turning_shop.calibrate import calibrate
 from turning_shop.measurements import read_measurements
@@ -76,7 +76,7 @@ def turner() -> Turner:
     return Turner()
 
 
-KNOWN = Settings(x="radius")
+KNOWN = CutSettings(x="radius")
 
 
 def test_a_cut_has_the_mean_of_its_middle_less_the_idle_power(
@@ -137,8 +137,8 @@ def test_samples_may_come_at_changes_only(turner: Turner, tmp_path: Path) -> Non
 @pytest.mark.parametrize(
     ("missing", "settings", "named"),
     [
-        pytest.param({}, Settings(), "--x radius", id="radius or diameter"),
-        pytest.param({"x": np.nan}, Settings(), "--diameter", id="no position"),
+        pytest.param({}, CutSettings(), "--x radius", id="radius or diameter"),
+        pytest.param({"x": np.nan}, CutSettings(), "--diameter", id="no position"),
         pytest.param({"feed_rate": np.nan}, KNOWN, "feed_rate", id="no feed"),
         pytest.param({"spindle_power": np.nan}, KNOWN, "power, torque or load", id="no load"),
         pytest.param(
@@ -147,7 +147,7 @@ def test_samples_may_come_at_changes_only(turner: Turner, tmp_path: Path) -> Non
     ],
 )
 def test_what_a_record_lacks_is_asked_for(
-    missing: dict[str, float], settings: Settings, named: str, tmp_path: Path
+    missing: dict[str, float], settings: CutSettings, named: str, tmp_path: Path
 ) -> None:
     turner = Turner(**missing)
     turner.idle(3.0)

@@ -449,7 +449,7 @@ def test_the_simulated_figures_are_those_of_the_documentation() -> None:
         seed=0,
     )
     comparison = linuxcnc.Comparison(linuxcnc=simulated, simulation=simulated)
-    table = linuxcnc.table({"programmed": comparison})
+    table = linuxcnc.figures_table({"programmed": comparison})
     assert "| programmed | simulation | 22.4" in table  # docs/connect_a_lathe.md
 
 

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from turning_control.shield import PATIENCE, Settings, Shield
+from turning_control.shield import PATIENCE, Shield, ShieldSettings
 
 from leaderboard.play import Episodes, play
 from leaderboard.seeds import tuning_seeds
@@ -105,7 +105,7 @@ def test_a_wrong_row_leaves_the_others_alone() -> None:
 def test_a_late_answer_is_refused_whole() -> None:
     scenario = Scenario.load("rough_turning")
     answer = np.full((2, 2), -0.5, np.float32)
-    shield = Shield(Constant(answer), scenario, 2, Settings(deadline=-1.0))
+    shield = Shield(Constant(answer), scenario, 2, ShieldSettings(deadline=-1.0))
     shield.act(first_observations(scenario, 2))
     assert shield.reasons == ["late", "late"]
 

@@ -13,7 +13,7 @@ pytest.importorskip("shapely")
 
 from turning_nc.adapt import adapt
 from turning_nc.adaptable_words import Where
-from turning_nc.cutting import Machine, Situation, play
+from turning_nc.cutting import AssumedMachine, Situation, play
 from turning_nc.edges import change_wear
 from turning_nc.removal import remove
 from turning_nc.report import rows
@@ -43,7 +43,7 @@ def situated(text: str, *described: str, stock: str = "bar:60x80") -> Situation:
     kinds = {"T0303": "groove:3"} if "T0303" in text else {}
     removal = remove(made, read_stock(stock), kinds)
     scenario = Scenario.load("rough_turning")
-    return Situation(scenario, Machine(), made, removal, described=described)
+    return Situation(scenario, AssumedMachine(), made, removal, described=described)
 
 
 def adapted_text(text: str, where: Where) -> str:

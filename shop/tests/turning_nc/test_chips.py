@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("shapely")
 
-from turning_nc.cutting import Laws, Machine, Play, Situation, play
+from turning_nc.cutting import AssumedMachine, Laws, Play, Situation, play
 from turning_nc.removal import remove
 from turning_nc.report import Row, rows, summary
 from turning_nc.stock import read_stock
@@ -38,7 +38,7 @@ def situated(
     """Return a program on its stock."""
     made = moves(text)
     removal = remove(made, read_stock(stock), tools)
-    return Situation(scenario, Machine(), made, removal, **options)
+    return Situation(scenario, AssumedMachine(), made, removal, **options)
 
 
 def played(situation: Situation) -> Play:

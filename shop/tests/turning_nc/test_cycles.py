@@ -9,7 +9,7 @@ import pytest
 pytest.importorskip("shapely")
 
 import shapely
-from turning_nc.moves import Reading, run
+from turning_nc.moves import ReadingChoices, run
 from turning_nc.removal import remove
 from turning_nc.stock import read_stock
 from turning_nc.words import NcError, divide
@@ -205,10 +205,10 @@ def test_a_given_side_wins_and_a_contradiction_names_it() -> None:
     )
     with pytest.raises(NcError, match=r"line 6: .*--side 6=outside"):
         moves(contradiction)
-    made = run(divide(contradiction), Reading(sides={6: "inside"}))
+    made = run(divide(contradiction), ReadingChoices(sides={6: "inside"}))
     assert [side.name for side in made.sides.values()] == ["inside"]
     with pytest.raises(NcError, match="line 5"):
-        run(divide(contradiction), Reading(sides={5: "inside"}))
+        run(divide(contradiction), ReadingChoices(sides={5: "inside"}))
 
 
 # Threads.

@@ -10,9 +10,9 @@ import pytest
 pytest.importorskip("shapely")
 
 from turning_nc.adapt import adapt
-from turning_nc.cutting import Machine, Situation
+from turning_nc.cutting import AssumedMachine, Situation
 from turning_nc.dialects import DIALECTS
-from turning_nc.moves import Move, Reading, run
+from turning_nc.moves import Move, ReadingChoices, run
 from turning_nc.paths import Point
 from turning_nc.removal import remove
 from turning_nc.stock import read_stock
@@ -63,7 +63,7 @@ class Effect(NamedTuple):
 
 def effects(text: str, go_on: bool = False) -> list[Effect]:
     """Return what the moves of a program do."""
-    return [Effect.of(move) for move in run(divide(text), Reading(go_on=go_on)).moves]
+    return [Effect.of(move) for move in run(divide(text), ReadingChoices(go_on=go_on)).moves]
 
 
 # Spelling.
@@ -117,7 +117,7 @@ def test_adapted_words_keep_their_places_with_any_end_of_line() -> None:
         text = (BAR + CUT).replace("F0.25", "F 0.2 5").replace("M30", last).replace("\n", end)
         made = moves(text)
         removal = remove(made, read_stock("bar:60x60"))
-        situation = Situation(Scenario.load("rough_turning"), Machine(), made, removal)
+        situation = Situation(Scenario.load("rough_turning"), AssumedMachine(), made, removal)
         adapted[end] = adapt(situation).text
         assert adapted[end] != text
     assert adapted["\r"].replace("\r", "\n") == adapted["\n"]
@@ -198,7 +198,7 @@ def test_only_words_that_are_not_understood_are_left_out(name: str) -> None:
     change = LEFT_OUT[name]
     with pytest.raises(NcError, match=r"not understood.*\n  line \d"):
         moves(change.text)
-    notes = run(divide(change.text), Reading(go_on=True)).notes
+    notes = run(divide(change.text), ReadingChoices(go_on=True)).notes
     assert any(note.partition(": ")[2].startswith("left out") for note in notes)
     done = effects(change.text, go_on=True)
     # Lines behind the end are not run, so they shift no others.
@@ -209,7 +209,7 @@ def test_only_words_that_are_not_understood_are_left_out(name: str) -> None:
 
 def test_coordinates_of_a_cycle_that_is_not_read_do_not_move_the_tool() -> None:
     text = f"{BAR}G87 X20. Z-30. Q5. F0.3\n{CUT.replace(' F0.25', '')}"
-    made = run(divide(text), Reading(go_on=True)).moves
+    made = run(divide(text), ReadingChoices(go_on=True)).moves
     assert [move.path.end for move in made if move.kind == "feed"] == [(2.0, 28.0), (-40.0, 28.0)]
     assert made[-2].feed.value == 0.3
 
@@ -394,7 +394,7 @@ def test_a_zero_offset_shows_an_old_sinumerik_only_before_a_limit_of_the_spindle
 @pytest.mark.parametrize("sign", ["G53.5", "G123.1", "G276 X20. P3", "M998<BORE>"])
 def test_programs_of_mazak_are_read_as_fanucs_with_a_note(sign: str) -> None:
     text = BAR + CUT.replace("M30", f"{sign}\nM30")
-    made = run(divide(text), Reading(go_on=True))
+    made = run(divide(text), ReadingChoices(go_on=True))
     assert any("Mazak" in note for note in made.notes)
     assert [move.path.end for move in made.moves] == [
         move.path.end for move in moves(BAR + CUT).moves

@@ -12,7 +12,7 @@ import pytest
 
 pytest.importorskip("shapely")
 
-from turning_nc.cutting import Machine, Situation, play
+from turning_nc.cutting import AssumedMachine, Situation, play
 from turning_nc.edges import change_wear
 from turning_nc.expression import parse
 from turning_nc.removal import remove
@@ -194,7 +194,7 @@ def test_a_drawing_that_is_damaged_or_in_too_large_units_is_refused(tmp_path: Pa
 def test_a_dwell_of_years_and_a_slow_feed_have_finite_times() -> None:
     made = moves(f"{BAR}G4 X99999999.\nG1 X50. F0.000002\nZ-40.\nM30")
     removal = remove(made, read_stock("bar:60x60"))
-    situation = Situation(SCENARIO, Machine(), made, removal)
+    situation = Situation(SCENARIO, AssumedMachine(), made, removal)
     played = play(situation, change_wear(situation))
     assert math.isfinite(played.time.sum())
     blocks = rows(situation, played)

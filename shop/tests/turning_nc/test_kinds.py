@@ -9,7 +9,7 @@ import pytest
 
 pytest.importorskip("shapely")
 
-from turning_nc.cutting import Machine, Situation, play
+from turning_nc.cutting import AssumedMachine, Situation, play
 from turning_nc.removal import remove
 from turning_nc.stock import guessed_stock, read_stock
 from turning_nc.words import NcError
@@ -62,7 +62,7 @@ def test_a_tool_that_finishes_a_contour_turns_its_side(name: str) -> None:
     made = moves(cycle.finished())
     removal = remove(made, read_stock("tube:60x20x60" if cycle.is_inside else "bar:60x60"))
     assert removal.tools["T0202"] == ("inside" if cycle.is_inside else "outside")
-    situation = Situation(Scenario.load("rough_turning"), Machine(), made, removal)
+    situation = Situation(Scenario.load("rough_turning"), AssumedMachine(), made, removal)
     finishing = situation.tool == "T0202"
     assert 0.0 < removal.slices.depth[finishing].max() < 1.0
     assert play(situation, 0.1).load[finishing].max() < 0.5

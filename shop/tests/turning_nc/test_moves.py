@@ -9,7 +9,7 @@ import pytest
 pytest.importorskip("shapely")
 
 from turning_nc.dialects import FANUC, SINUMERIK
-from turning_nc.moves import Reading, run
+from turning_nc.moves import ReadingChoices, run
 from turning_nc.words import NcError, divide
 
 from shop.examples.adapt_programs import COLLECTION, path_of
@@ -124,7 +124,7 @@ def test_all_lines_that_are_not_understood_are_named_at_once_or_left_out() -> No
     # G65 beside G1 takes the feed, too, but no further message says so.
     with pytest.raises(NcError, match=r"(?s)^(?!.*no feed).*line 7: .*line 10: .*line 11: "):
         moves(text.replace("N50 G1", "N50 G65 G1"))
-    made = run(divide(text), Reading(go_on=True))
+    made = run(divide(text), ReadingChoices(go_on=True))
     lines = [note.split(":")[0] for note in made.notes]
     # Nothing calls the sub-program in line 15 now.
     assert lines == ["line 3", "line 10", "line 11", "line 12", "line 15"]
@@ -201,7 +201,7 @@ def test_damaged_programs_are_read_or_refused() -> None:
             text = text[:place] + rng.choice(PIECES) + text[place + rng.randrange(6) :]
         # Every other error of a reader fails the test.
         with contextlib.suppress(NcError):
-            made = run(divide(text), Reading(go_on=rng.random() < 0.5))
+            made = run(divide(text), ReadingChoices(go_on=rng.random() < 0.5))
             assert made.moves
             num_read += 1
     assert 0 < num_read < 150
@@ -227,7 +227,7 @@ def test_the_same_word_means_what_its_dialect_says(units: str, feed: float) -> N
 def test_a_program_without_a_unit_is_in_millimetres_with_a_note_or_in_the_given_unit() -> None:
     text = "G99 G97 S500 M3\nG0 X2. Z0.\nG1 Z-1. F0.01"
     assert any("--unit inch" in note for note in moves(text).notes)
-    last = run(divide(text), Reading(unit="inch")).moves[-1]
+    last = run(divide(text), ReadingChoices(unit="inch")).moves[-1]
     assert last.path.end == (-25.4, 25.4)
     assert last.feed.value == pytest.approx(0.254)
 

@@ -15,7 +15,7 @@ import pytest
 
 pytest.importorskip("shapely")
 
-from turning_nc.cutting import Machine, Situation, play
+from turning_nc.cutting import AssumedMachine, Situation, play
 from turning_nc.edges import change_wear
 from turning_nc.moves import Move
 from turning_nc.paths import Point
@@ -46,7 +46,7 @@ def neck() -> Situation:
     """The contour that ends low, turned from a bar of 40 mm diameter."""
     made = moves(NECK)
     removal = remove(made, read_stock("bar:40x60"), {"T0101": "copying"})
-    return Situation(Scenario.load("rough_turning"), Machine(), made, removal)
+    return Situation(Scenario.load("rough_turning"), AssumedMachine(), made, removal)
 
 
 def test_a_contour_that_ends_low_is_roughed_level_by_level(neck: Situation) -> None:

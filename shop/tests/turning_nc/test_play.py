@@ -17,7 +17,7 @@ pytest.importorskip("shapely")
 
 from turning_nc.adapt import adapt
 from turning_nc.adaptable_words import Where
-from turning_nc.cutting import Machine, Situation, motion, play
+from turning_nc.cutting import AssumedMachine, Situation, motion, play
 from turning_nc.edges import change_wear, parts_per_edge
 from turning_nc.moves import Move, run
 from turning_nc.plausibility import implausible
@@ -282,7 +282,7 @@ def situated(text: str, stock: str, tools: dict[str, str] | None = None) -> Situ
     """Return a program on its stock."""
     made = moves(text)
     removal = remove(made, read_stock(stock), tools or {})
-    return Situation(SCENARIO, Machine(), made, removal)
+    return Situation(SCENARIO, AssumedMachine(), made, removal)
 
 
 LIMIT_RADIUS = 150_000.0 / (2.0 * math.pi * 1000.0)
@@ -616,7 +616,7 @@ def slides(request: pytest.FixtureRequest) -> Slides:
     program = (ROOT / "research/papers/data/stho_stcl.mpf").read_text("utf-8")
     made = run(divide(program.replace("R42=103", f"R42={diameter}")))
     removal = remove(made, read_stock(f"bar:{diameter}x150+1.5"), {"T2": "groove:4"})
-    situation = Situation(BATCH, Machine(), made, removal)
+    situation = Situation(BATCH, AssumedMachine(), made, removal)
     return Slides(diameter, PASSES[diameter], situation)
 
 

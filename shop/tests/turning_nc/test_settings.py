@@ -6,8 +6,8 @@ import pytest
 
 pytest.importorskip("shapely")
 
-from turning_nc.cutting import Machine, Situation, play
-from turning_nc.moves import Moves, Reading, run
+from turning_nc.cutting import AssumedMachine, Situation, play
+from turning_nc.moves import Moves, ReadingChoices, run
 from turning_nc.plausibility import implausible
 from turning_nc.removal import remove
 from turning_nc.stock import guessed_stock, read_stock
@@ -24,7 +24,7 @@ def warnings(
     """Return the names of what is implausible, on a stock or on the one that the moves show."""
     polygon = guessed_stock(made)[0] if stock is None else read_stock(stock)
     removal = remove(made, polygon, tools or {})
-    situation = Situation(Scenario.load("rough_turning"), Machine(), made, removal)
+    situation = Situation(Scenario.load("rough_turning"), AssumedMachine(), made, removal)
     return set(implausible(situation, play(situation, 0.1)))
 
 
@@ -40,7 +40,7 @@ IN_STEPS = (
     "G2 X64000 Z-32000 R2000\nG1 U2000 W-1000"
 )
 CYLINDER = f"{START}G0 X62000 Z2000\nG1 X56000 F0.25\nZ-40000"
-STEPS = Reading(steps=True)
+STEPS = ReadingChoices(steps=True)
 
 
 def test_numbers_without_a_point_count_steps_if_the_user_says_so() -> None:
@@ -88,7 +88,7 @@ IN_RADII = (
     "G21 G18 G99\nG97 S1000 M3\nG0 X32. Z2.\nG1 X20. Z0. F0.2\nG3 X22. Z-2. I0. K-2.\n"
     "G1 Z-20.\nG0 X40. Z20."
 )
-RADIUS = Reading(radius=True)
+RADIUS = ReadingChoices(radius=True)
 
 
 def test_an_arc_that_closes_with_radii_has_a_hint() -> None:

@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip("shapely")
 
 from turning_nc.adapt import adapt
-from turning_nc.cutting import Laws, Machine, Situation, play
+from turning_nc.cutting import AssumedMachine, Laws, Situation, play
 from turning_nc.edges import parts_per_edge
 from turning_nc.removal import remove
 from turning_nc.report import rows, summary
@@ -41,7 +41,7 @@ def situated(own_laws: dict[str, Laws] | None = None, text: str = TWO_TOOLS) -> 
     """Return both tools on a bar."""
     made = moves(text)
     removal = remove(made, read_stock("bar:60x80"))
-    return Situation(SCENARIO, Machine(), made, removal, own_laws=own_laws or {})
+    return Situation(SCENARIO, AssumedMachine(), made, removal, own_laws=own_laws or {})
 
 
 def test_laws_of_a_tool_hold_for_its_passes_alone() -> None:
@@ -91,7 +91,7 @@ def test_every_tool_with_laws_is_adapted_by_them() -> None:
 def test_thrust_and_life_of_a_drill_are_unknown_rather_than_0() -> None:
     made = moves("G21 G99\nT0101\nG97 S800 M3\nG0 X0. Z2.\nG1 Z-20. F0.1\nG0 Z2.\n")
     removal = remove(made, read_stock("bar:60x80"), {"T0101": "drill:20"})
-    situation = Situation(SCENARIO, Machine(), made, removal)
+    situation = Situation(SCENARIO, AssumedMachine(), made, removal)
     (row,) = rows(situation, play(situation, 0.2))
     assert row.removed > 1.0
     assert row.force_share is None
@@ -105,7 +105,7 @@ def test_a_tool_with_laws_is_not_described_by_the_command_s() -> None:
     removal = remove(made, read_stock("bar:60x80"))
     laws = {"T0101": Laws(SCENARIO)}
     with pytest.raises(NcError, match="T0101 has a scenario of its own"):
-        Situation(SCENARIO, Machine(), made, removal, described=["T0101"], own_laws=laws)
+        Situation(SCENARIO, AssumedMachine(), made, removal, described=["T0101"], own_laws=laws)
 
 
 @pytest.fixture

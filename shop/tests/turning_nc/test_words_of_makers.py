@@ -4,7 +4,7 @@ import pytest
 
 pytest.importorskip("shapely")
 
-from turning_nc.cutting import Machine, Situation, play
+from turning_nc.cutting import AssumedMachine, Situation, play
 from turning_nc.moves import Move
 from turning_nc.removal import remove
 from turning_nc.stock import read_stock
@@ -160,7 +160,10 @@ CUT = "T0101\nG99 G97 S800 M3\nG0 X52. Z2.\nG1 Z-20. F0.2\nG0 X60.\nM30\n"
 def test_a_bar_puller_moves_without_a_speed() -> None:
     made = moves(PULLER + CUT)
     situation = Situation(
-        Scenario.load("rough_turning"), Machine(), made, remove(made, read_stock("bar:60x60"))
+        Scenario.load("rough_turning"),
+        AssumedMachine(),
+        made,
+        remove(made, read_stock("bar:60x60")),
     )
     played = play(situation, 0.2)
     pulled = (situation.line == 6) & situation.fed

@@ -20,7 +20,7 @@ from turning_shop.catalogue.inserts import read_insert
 from turning_shop.catalogue.materials import find_material
 from turning_shop.catalogue.start_values import read_grade, start_of
 from turning_shop.prediction import predict
-from turning_shop.start import Job, job_of, start_advice
+from turning_shop.start import CatalogueJob, job_of, start_advice
 from turning_shop.start_answer import sentence
 from turning_shop.start_question import Question, Stock
 from turning_shop.whatif import what_if
@@ -124,7 +124,7 @@ def machine(tmp_path: Path) -> str:
     return str(path)
 
 
-def cheapest(job: Job) -> PartPlan:
+def cheapest(job: CatalogueJob) -> PartPlan:
     """Return the cheapest plan of a job, without the limits that bind it."""
     tried = tried_plans(job.scenario, job.evidence)
     plan = best_plan(job.scenario, job.evidence, tried, aim=MIN_COST)

@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 from turning_shop import WorkshopError
 from turning_shop.__main__ import main
-from turning_shop.tool_library import Tool, csv_of, read_tools
+from turning_shop.tool_library import LibraryTool, csv_of, read_tools
 
-PM = Tool(
+PM = LibraryTool(
     designation="CNMG120408-PM",
     grade="P25",
     material="42CrMo4",
@@ -78,12 +78,12 @@ def test_a_file_that_is_no_library_is_refused(
 
 
 def test_what_is_written_is_read_again(tmp_path: Path) -> None:
-    other = Tool(**{**PM.__dict__, "material": "1.4301", "cutting_speed": 140.0})
+    other = LibraryTool(**{**PM.__dict__, "material": "1.4301", "cutting_speed": 140.0})
     assert read_tools(written(tmp_path, "t.csv", csv_of([PM, other]))) == [PM, other]
 
 
 def test_the_command_joins_tables(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    own = Tool(designation="Own-1", nose_radius=1.2)
+    own = LibraryTool(designation="Own-1", nose_radius=1.2)
     first = written(tmp_path, "first.csv", csv_of([PM]))
     second = written(tmp_path, "second.csv", csv_of([own]))
     joined = tmp_path / "library.csv"

@@ -11,7 +11,7 @@ from turning_shop.__main__ import main
 from turning_shop.advise import PartPlan
 from turning_shop.fit import TYPICAL_EDGE_SPREAD
 from turning_shop.measurements import Measurements, read_measurements
-from turning_shop.start import Job, job_of, start_advice
+from turning_shop.start import CatalogueJob, job_of, start_advice
 from turning_shop.start_question import Question, Stock
 from turning_shop.wear_plan import (
     ENOUGH,
@@ -29,19 +29,19 @@ COMMAND = "advise --material 42CrMo4 --tool CNMG120408-PM --grade P25 --stock 80
 
 
 @pytest.fixture(scope="module")
-def job() -> Job:
+def job() -> CatalogueJob:
     """Return a job of a catalogue."""
     return job_of(QUESTION)
 
 
 @pytest.fixture(scope="module")
-def best(job: Job) -> PartPlan:
+def best(job: CatalogueJob) -> PartPlan:
     """Return its advised plan."""
     return start_advice(job)[0].plan
 
 
 def drawn_sheet(
-    folder: Path, job: Job, best: PartPlan, *, edges: int, rng: np.random.Generator
+    folder: Path, job: CatalogueJob, best: PartPlan, *, edges: int, rng: np.random.Generator
 ) -> Measurements:
     """Return a file of readings that were drawn as public data scatter, at the plan's stops."""
     material = job.scenario.material
@@ -66,7 +66,7 @@ def drawn_sheet(
 
 @pytest.mark.slow
 def test_the_plan_promises_what_calibrating_on_such_readings_gives(
-    job: Job, best: PartPlan, tmp_path: Path
+    job: CatalogueJob, best: PartPlan, tmp_path: Path
 ) -> None:
     edges = 8
     promised = known_after(job, best, expected_sheet(job, best, edges))
@@ -82,14 +82,16 @@ def test_the_plan_promises_what_calibrating_on_such_readings_gives(
     assert promised.power.log_width == pytest.approx(np.median(powers), rel=0.35)
 
 
-def test_the_width_of_the_life_is_that_of_a_mean_of_edges(job: Job, best: PartPlan) -> None:
+def test_the_width_of_the_life_is_that_of_a_mean_of_edges(
+    job: CatalogueJob, best: PartPlan
+) -> None:
     promised = known_after(job, best, expected_sheet(job, best, 10))
     # Student's t of 9 degrees is 2.262; wear grows as the square root of time.
     half_width = 2.262 * TYPICAL_EDGE_SPREAD["wear"] / np.sqrt(10.0) / 0.5
     assert promised.life.log_width == pytest.approx(2.0 * half_width, rel=0.02)
 
 
-def test_more_edges_narrow_more_until_enough(job: Job, best: PartPlan) -> None:
+def test_more_edges_narrow_more_until_enough(job: CatalogueJob, best: PartPlan) -> None:
     now = known_now(job, best)
     later = [known_after(job, best, expected_sheet(job, best, edges)) for edges in (4, 8, 14)]
     widths = [known.life.log_width for known in later]
@@ -99,7 +101,7 @@ def test_more_edges_narrow_more_until_enough(job: Job, best: PartPlan) -> None:
     assert enough(now, later[:1]).edges == 4
 
 
-def test_the_catalogue_is_as_wide_as_the_advice_says(job: Job, best: PartPlan) -> None:
+def test_the_catalogue_is_as_wide_as_the_advice_says(job: CatalogueJob, best: PartPlan) -> None:
     life = known_now(job, best).life
     part_time = best.minutes / best.parts
     # The advice counts whole parts that 97.5 % of edges last.
@@ -107,7 +109,9 @@ def test_the_catalogue_is_as_wide_as_the_advice_says(job: Job, best: PartPlan) -
     assert life.low / part_time > float(best.parts_low)
 
 
-def test_stops_are_after_whole_parts_and_reach_the_change(job: Job, best: PartPlan) -> None:
+def test_stops_are_after_whole_parts_and_reach_the_change(
+    job: CatalogueJob, best: PartPlan
+) -> None:
     planned = stops(job, best)
     assert [stop.parts % 1.0 for stop in planned] == [0.0] * 4
     wears = [stop.wear for stop in planned]
@@ -122,7 +126,7 @@ def test_long_parts_are_stopped_within(best: PartPlan) -> None:
     assert len({round(stop.time, 6) for stop in planned}) == 4
 
 
-def test_an_edge_that_wear_does_not_limit_has_no_plan(job: Job, best: PartPlan) -> None:
+def test_an_edge_that_wear_does_not_limit_has_no_plan(job: CatalogueJob, best: PartPlan) -> None:
     with pytest.raises(WorkshopError, match="wear does not limit the edge"):
         render(job, best._replace(by_wear=np.asarray(False)))
 

@@ -189,7 +189,7 @@ def _find_cuts(options: argparse.Namespace) -> int:
     sheet = options.cuts
     if sheet.exists() and not options.overwrite:
         raise UserError(f"{sheet} exists; --overwrite replaces it")
-    settings = cuts.Settings(
+    settings = cuts.CutSettings(
         x=options.x,
         diameter=options.diameter,
         rated_power=options.rated_power,

@@ -42,7 +42,7 @@ HEADERS = (
 
 
 @dataclass(frozen=True)
-class Settings:
+class CutSettings:
     """Settings of a search for cuts, which a record does not state."""
 
     x: str | None = None  # whether the record's x is a "radius" or a "diameter"
@@ -94,14 +94,14 @@ class Cut:
 
 
 @dataclass(frozen=True)
-class Cuts:
+class FoundCuts:
     """The cuts of a record, and how they were found."""
 
     cuts: list[Cut]
     notes: list[str]
 
 
-def read_record(path: Path, settings: Settings) -> Record:
+def read_record(path: Path, settings: CutSettings) -> Record:
     """Return a record with the cutting speed and the power that follow from it.
 
     Raises:
@@ -138,7 +138,7 @@ def read_record(path: Path, settings: Settings) -> Record:
     )
 
 
-def _diameter(path: Path, settings: Settings, diameter: Values, x: Values) -> Values:
+def _diameter(path: Path, settings: CutSettings, diameter: Values, x: Values) -> Values:
     """Return the diameter at the tool [mm]."""
     if settings.diameter is not None:
         return np.full(len(x), settings.diameter)
@@ -154,7 +154,7 @@ def _diameter(path: Path, settings: Settings, diameter: Values, x: Values) -> Va
     return np.asarray(np.abs(x) * (2.0 if settings.x == "radius" else 1.0))
 
 
-def _power(path: Path, settings: Settings, power: Values, samples: Sequence[Sample]) -> Values:
+def _power(path: Path, settings: CutSettings, power: Values, samples: Sequence[Sample]) -> Values:
     """Return the spindle's power [kW]: as recorded, or from torque and speed, or from the load."""
     if np.isfinite(power).any():
         return power
@@ -175,7 +175,7 @@ def _power(path: Path, settings: Settings, power: Values, samples: Sequence[Samp
     return np.asarray(load / 100.0 * settings.rated_power)
 
 
-def find_cuts(record: Record, settings: Settings) -> Cuts:
+def find_cuts(record: Record, settings: CutSettings) -> FoundCuts:
     """Return the cuts of a record.
 
     Raises:
@@ -210,7 +210,7 @@ def find_cuts(record: Record, settings: Settings) -> Cuts:
         least = MIN_STEADY + 2.0 * TRIM
         raise UserError(f"the record has no steady cut of {least:g} s or more")
     notes = _notes(record, cuts, stretches=stretches, settings=settings)
-    return Cuts(cuts, list(notes))
+    return FoundCuts(cuts, list(notes))
 
 
 def _median(values: Values, weights: Values) -> float:
@@ -252,7 +252,7 @@ def _is_new(record: Record, so_far: slice, index: int) -> bool:
 
 
 def _cut(
-    record: Record, stretch: slice, idles: NDArray[np.bool_], idle: float, settings: Settings
+    record: Record, stretch: slice, idles: NDArray[np.bool_], idle: float, settings: CutSettings
 ) -> Cut:
     """Return the cut of a stretch, its values as means over the part without its ends."""
     starts = record.time[stretch]
@@ -311,7 +311,7 @@ def _with_edge_times(cuts: Sequence[Cut]) -> Iterator[Cut]:
 
 
 def _notes(
-    record: Record, cuts: Sequence[Cut], stretches: Sequence[Cut], settings: Settings
+    record: Record, cuts: Sequence[Cut], stretches: Sequence[Cut], settings: CutSettings
 ) -> Iterator[str]:
     """Yield how the cuts were found, for people."""
     short = len(stretches) - len(cuts)
@@ -339,7 +339,7 @@ def _notes(
         yield f"the control does not know {' and '.join(missing)}: fill it in, or say {options}"
 
 
-def write_sheet(cuts: Sequence[Cut], settings: Settings, path: Path) -> None:
+def write_sheet(cuts: Sequence[Cut], settings: CutSettings, path: Path) -> None:
     """Write the sheet, whole or not at all; OSError if it cannot be written."""
 
     def write(partial: Path) -> None:
@@ -351,7 +351,7 @@ def write_sheet(cuts: Sequence[Cut], settings: Settings, path: Path) -> None:
     replace_file(path, write)
 
 
-def _row(cut: Cut, settings: Settings) -> list[str]:
+def _row(cut: Cut, settings: CutSettings) -> list[str]:
     return [
         settings.edge or cut.tool,
         f"{cut.cutting_speed:.5g}",

@@ -119,7 +119,7 @@ class Parts:
 
 
 @dataclass(frozen=True)
-class Reading:
+class NodeReading:
     """A node to read."""
 
     quantity: str
@@ -189,10 +189,10 @@ class OpcUaSource:
     def _connected(self) -> Any:
         return connected(self._url, max(10.0 * self._interval, 5.0), self._security)
 
-    def _readings(self, client: Any) -> list[Reading]:
+    def _readings(self, client: Any) -> list[NodeReading]:
         """Return the nodes to read; UserError if there are none."""
         browser = Browser(client)
-        readings: dict[str, Reading] = {}
+        readings: dict[str, NodeReading] = {}
         candidates = [*_stated(browser, self._stated), *_standard(browser, self._parts)]
         for reading in candidates:
             readings.setdefault(reading.quantity, reading)
@@ -268,7 +268,7 @@ class Browser:
             level = below
 
 
-def _stated(browser: Browser, nodes: Mapping[str, str]) -> Iterator[Reading]:
+def _stated(browser: Browser, nodes: Mapping[str, str]) -> Iterator[NodeReading]:
     """Yield the readings of nodes that the user names."""
     from asyncua.ua.uaerrors import UaError
 
@@ -283,7 +283,7 @@ def _stated(browser: Browser, nodes: Mapping[str, str]) -> Iterator[Reading]:
         yield _reading(browser, quantity, [node], where=node_id, size=1.0)
 
 
-def _standard(browser: Browser, parts: Parts) -> Iterator[Reading]:
+def _standard(browser: Browser, parts: Parts) -> Iterator[NodeReading]:
     """Yield the readings that companion specifications name."""
     namespaces = browser.client.get_namespace_array()
     if CNC in namespaces:
@@ -317,7 +317,7 @@ def _chosen(candidates: Mapping[str, Any], name: str | None, option: str) -> Any
 
 def _cnc_readings(
     browser: Browser, lists: Sequence[Child], parts: Parts, namespace: int
-) -> Iterator[Reading]:
+) -> Iterator[NodeReading]:
     """Yield the readings of the spindle, the axes and the channel of OPC 40502."""
     members = {}
     for item in lists:
@@ -340,7 +340,7 @@ def _cnc_readings(
             yield from _wanted(browser, axis, wanted=load, namespace=namespace)
 
 
-def _monitored(browser: Browser, namespace: int, parts: Parts) -> Iterator[Reading]:
+def _monitored(browser: Browser, namespace: int, parts: Parts) -> Iterator[NodeReading]:
     """Yield the overrides of channels and spindles of OPC 40501-1."""
     machines = {}
     for machine, children in browser.having(["Monitoring"], namespace):
@@ -360,7 +360,7 @@ def _monitored(browser: Browser, namespace: int, parts: Parts) -> Iterator[Readi
 
 def _wanted(
     browser: Browser, part: Child, wanted: Sequence[Wanted], namespace: int
-) -> Iterator[Reading]:
+) -> Iterator[NodeReading]:
     """Yield the readings of quantities below a part of a machine."""
     for quantity, paths in wanted:
         for path in paths:
@@ -386,7 +386,7 @@ def _follow(browser: Browser, start: Any, path: str, namespace: int) -> list[Any
 
 def _reading(
     browser: Browser, quantity: str, chain: Sequence[Any], where: str, size: float
-) -> Reading:
+) -> NodeReading:
     """Return the reading of the first node of a chain.
 
     Its unit is that of the node, or else of the node above it, or else ``size``.
@@ -397,8 +397,8 @@ def _reading(
                 name, unit_id = _unit(child.node.read_value())
                 if name:
                     known = _size(quantity, unit_id, name)
-                    return Reading(quantity, chain[0], where=where, factor=known, unit=name)
-    return Reading(quantity, chain[0], where=where, factor=size, unit="")
+                    return NodeReading(quantity, chain[0], where=where, factor=known, unit=name)
+    return NodeReading(quantity, chain[0], where=where, factor=size, unit="")
 
 
 def _unit(stated: Any) -> tuple[str, int]:
@@ -421,7 +421,7 @@ def _size(quantity: str, unit_id: int, name: str) -> float:
     return NAMED_UNITS[record_unit].get(name.casefold().strip(), math.nan)
 
 
-def _describe(reading: Reading) -> str:
+def _describe(reading: NodeReading) -> str:
     """Return where a quantity comes from, for people."""
     text = f"{header_of(reading.quantity)} from {reading.where}"
     if math.isnan(reading.factor):
@@ -434,7 +434,7 @@ def _describe(reading: Reading) -> str:
     return f"{text}, which states no unit: taken {unit}"
 
 
-def _sample(readings: Sequence[Reading], received: Sequence[Any], state: Sample) -> Sample:
+def _sample(readings: Sequence[NodeReading], received: Sequence[Any], state: Sample) -> Sample:
     """Return a state with the values that were received; those of bad quality are left out."""
     values: dict[str, Any] = {}
     for reading, data in zip(readings, received, strict=True):
@@ -443,7 +443,7 @@ def _sample(readings: Sequence[Reading], received: Sequence[Any], state: Sample)
     return replace(state, **values)
 
 
-def _value(reading: Reading, value: Any) -> Any:
+def _value(reading: NodeReading, value: Any) -> Any:
     """Return a node's value in the record's unit; NaN if it is none."""
     if reading.quantity == "tool":
         return "" if value is None else str(value)
@@ -459,12 +459,12 @@ class Change(NamedTuple):
     """A value that a node has had from a time on."""
 
     time: datetime
-    reading: Reading
+    reading: NodeReading
     data: Any
 
 
 def _history(
-    client: Any, readings: Sequence[Reading], last: Sample, now: datetime
+    client: Any, readings: Sequence[NodeReading], last: Sample, now: datetime
 ) -> tuple[list[Sample], str]:
     """Return the samples that the server's history holds since the last one, and what it lacks."""
     start_node = client.get_node(SERVER_STARTED)

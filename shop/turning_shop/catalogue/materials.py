@@ -16,7 +16,7 @@ from turning_shop.catalogue.groups import GROUPS, STATES, Group
 SOURCE = "cross-reference tables of Xometry, AIMS Industrial and Rewon; groups as in VDI 3323"
 
 
-class Material(NamedTuple):
+class NamedMaterial(NamedTuple):
     """A material and its group."""
 
     name: str  # as the user wrote it, or the first of its names
@@ -134,13 +134,13 @@ def _plain(name: str) -> str:
     return re.sub(r"[\s_-]", "", name).upper()
 
 
-def _by_name() -> dict[str, Material]:
+def _by_name() -> dict[str, NamedMaterial]:
     """Return all materials by their plain names and numbers."""
     materials = {}
     for line in _MATERIALS.strip().splitlines():
         group, number, *names = line.split()
         has_number = number != "-"
-        material = Material(names[0], GROUPS[group], number if has_number else "")
+        material = NamedMaterial(names[0], GROUPS[group], number if has_number else "")
         for name in (number, *names) if has_number else names:
             materials[_plain(name)] = material
     return materials
@@ -152,7 +152,7 @@ _STATE = re.compile(r"(.+)\+[A-Z]+")
 _PREFIXES = ("AISI", "SAE", "ASTM", "UNS", "JIS", "DIN", "EN", "W.NR.", "WNR", "AL", "AA")
 
 
-def find_material(text: str) -> Material:
+def find_material(text: str) -> NamedMaterial:
     """Return the material of a group, a number or a name.
 
     Raises:
@@ -160,7 +160,7 @@ def find_material(text: str) -> Material:
     """
     plain = _plain(text)
     if plain in GROUPS:
-        return Material(plain, GROUPS[plain])
+        return NamedMaterial(plain, GROUPS[plain])
     for prefix in ("", *_PREFIXES):
         if material := _BY_NAME.get(plain.removeprefix(prefix)):
             return material._replace(name=text.strip())

@@ -17,8 +17,8 @@ from baselines.models.edge_value import (
     SPEEDS,
     best_of,
     compare_speeds,
+    life_numbers,
     life_term,
-    numbers_of,
     price_life,
     price_of_time,
 )
@@ -104,7 +104,7 @@ BY_HAND = changed(
 
 
 def test_the_numbers_of_a_scenario_by_hand() -> None:
-    numbers = numbers_of(BY_HAND, severity=1.2)
+    numbers = life_numbers(BY_HAND, severity=1.2)
     depth = 2.0 / 2.5
     # The spreads are those of two triangles: 3, 4 and 5, of 2 mm; and 5, 12 and 13.
     depth_spread = 0.25
@@ -148,12 +148,12 @@ def test_time_is_limited_where_edges_are_changed(
     edge_changes: str, limits_time: float, min_price: float
 ) -> None:
     scenario = changed(BY_HAND, control={"edge_changes": edge_changes})
-    numbers = numbers_of(scenario, severity=1.0)
+    numbers = life_numbers(scenario, severity=1.0)
     assert (numbers["limits_time"], numbers["min_life_price"]) == (limits_time, min_price)
 
 
 def test_without_a_base_speed_all_power_is_available() -> None:
-    numbers = numbers_of(changed(BY_HAND, spindle={"base_speed": 0.0}), severity=1.0)
+    numbers = life_numbers(changed(BY_HAND, spindle={"base_speed": 0.0}), severity=1.0)
     assert numbers["log_base_speed"] == pytest.approx(math.log(1e-9))
 
 
@@ -173,7 +173,7 @@ def test_the_wear_term_is_that_over_a_worn_out_edges(growth: float, term: float)
 
 def expected_laws(scenario: Scenario, **changes: float) -> Any:
     """Return the record of a scenario's own laws."""
-    numbers = numbers_of(scenario, severity=1.0)
+    numbers = life_numbers(scenario, severity=1.0)
     material = scenario.material
     laws = np.zeros(1, EXPECTED_LAWS)
     for name in ("log_life_rate", "life_speed", "life_feed"):
@@ -191,7 +191,7 @@ def expected_laws(scenario: Scenario, **changes: float) -> Any:
 
 def compared(scenario: Scenario, used_life: float) -> tuple[Any, Any]:
     """Return earnings and durations of all speeds and used lives."""
-    parameters = records([numbers_of(scenario, severity=1.2)])
+    parameters = records([life_numbers(scenario, severity=1.2)])
     earnings = np.empty((LIVES + 1, SPEEDS))
     durations = np.empty((LIVES + 1, SPEEDS))
     compare_speeds(parameters[0], expected_laws(scenario)[0], used_life, earnings, durations)
@@ -246,7 +246,7 @@ def test_earnings_are_those_of_the_highest_feed_within_the_limits(scenario: Scen
 
 
 def test_a_load_that_hardly_depends_on_feed_counts_with_a_tenth() -> None:
-    parameters = records([numbers_of(BY_HAND, severity=1.0)])
+    parameters = records([life_numbers(BY_HAND, severity=1.0)])
     earnings = np.empty((3, LIVES + 1, SPEEDS))
     durations = np.empty((3, LIVES + 1, SPEEDS))
     for place, exponent in enumerate((0.02, 0.1, 0.15)):
@@ -302,7 +302,7 @@ def test_a_part_of_the_life_that_is_worth_nothing_is_not_used() -> None:
 @pytest.mark.parametrize("edge_changes", ["end", "automatic", "commanded"])
 def test_the_price_of_life_is_what_the_best_set_point_earns_with_it(edge_changes: str) -> None:
     scenario = changed(BY_HAND, control={"edge_changes": edge_changes})
-    parameters = records([numbers_of(scenario, severity=1.2)])
+    parameters = records([life_numbers(scenario, severity=1.2)])
     lives = np.array([0.001, 0.01, 0.3, 1.0, 1.4])
     prices = np.zeros(len(lives), PRICES)
     price_life(parameters, np.tile(expected_laws(scenario), len(lives)), lives, prices)
@@ -321,7 +321,7 @@ def test_the_price_of_life_is_what_the_best_set_point_earns_with_it(edge_changes
 
 def test_used_lives_are_kept_within_a_hundredth_and_1() -> None:
     """The force is so high that it limits the feed all along the life."""
-    parameters = records([numbers_of(BY_HAND, severity=1.2)])
+    parameters = records([life_numbers(BY_HAND, severity=1.2)])
     heavy = expected_laws(BY_HAND)
     heavy["log_force"] += math.log(100.0)
     lives = np.array([0.001, 0.01, 0.02, 0.9, 1.0, 1.4])
@@ -343,7 +343,7 @@ def test_worthless_life_need_not_be_used_if_edges_are_changed_on_command() -> No
     for edge_changes in ("end", "commanded"):
         scenario = changed(poor, control={"edge_changes": edge_changes})
         prices = np.zeros(2, PRICES)
-        parameters = records([numbers_of(scenario, severity=1.0)] * 2)
+        parameters = records([life_numbers(scenario, severity=1.0)] * 2)
         price_life(parameters, np.tile(expected_laws(scenario), 2), np.array([0.5, 0.9]), prices)
         lowest.append(prices["life"].min())
     assert lowest[0] < 0.0

@@ -86,7 +86,7 @@ def random_task(scenario: Scenario, seed: int, **of_points: Any) -> Task:
     moments["speed_left"] = np.exp(-moments["time"] / 0.2)
     moments["feed_left"] = np.exp(-moments["time"] / 0.1)
 
-    parameters = records([edge_value.numbers_of(scenario, severity=1.5)])
+    parameters = records([edge_value.life_numbers(scenario, severity=1.5)])
     environments = np.empty(NUM_ENVS, ENVIRONMENT)
     environments["min_log_speed"] = log_speed - 0.15
     environments["max_log_speed"] = log_speed + 0.15

@@ -30,8 +30,8 @@ from baselines.models.load_filter import (
     SLOPE,
     LawErrors,
     LoadFilter,
+    filter_numbers_of,
     model_of,
-    numbers_of,
     records,
 )
 from tests.turning_env.playing import NO_SPREAD, changed
@@ -187,7 +187,7 @@ HARDNESS_RATE = SLOPE * 0.12 / 40.0
 
 @pytest.mark.parametrize("errors", [False, True])
 def test_the_numbers_of_a_nominal_model_by_hand(errors: bool) -> None:
-    numbers = numbers_of(BY_HAND, errors)
+    numbers = filter_numbers_of(BY_HAND, errors)
     history = (0.5 * DEPTH_SPREAD) ** 2 + (0.3 * HARDNESS_SPREAD) ** 2
     insert = 0.12**2 if errors else 0.12**2 + history
     prior = [DEPTH_SPREAD**2, DEPTH_RATE**2, HARDNESS_SPREAD**2, HARDNESS_RATE**2, insert]
@@ -241,7 +241,7 @@ def test_the_numbers_of_a_nominal_model_by_hand(errors: bool) -> None:
 
 def test_both_lags_multiply() -> None:
     scenario = changed(BY_HAND, machine={"feed_time_constant": 0.4})
-    numbers = numbers_of(scenario, errors=False)
+    numbers = filter_numbers_of(scenario, errors=False)
     times = 0.5 * np.arange(1, 5)
     both = np.exp(-times / 0.8) * np.exp(-times / 0.4)
     assert numbers["both_left"] == pytest.approx(both.sum())
@@ -249,7 +249,7 @@ def test_both_lags_multiply() -> None:
 
 
 def test_bars_of_one_metal_have_no_rates() -> None:
-    numbers = numbers_of(changed(BY_HAND, workpiece=NO_SPREAD), errors=False)
+    numbers = filter_numbers_of(changed(BY_HAND, workpiece=NO_SPREAD), errors=False)
     assert (numbers["depth_rate"], numbers["hardness_rate"]) == (0.0, 0.0)
     assert numbers["prior"][:4].tolist() == [0.0] * 4
 
@@ -270,7 +270,7 @@ def test_a_model_without_errors_starts_from_the_spreads() -> None:
     model = model_of([BY_HAND, QUIET])
     assert model.mean.shape == (2, STATES)
     assert not model.mean.any()
-    assert model.covariance[0] == pytest.approx(np.diag(numbers_of(BY_HAND, False)["prior"]))
+    assert model.covariance[0] == pytest.approx(np.diag(filter_numbers_of(BY_HAND, False)["prior"]))
     assert model.parameters["wear_criterion"].tolist() == [0.4, 0.3]
 
 
@@ -282,7 +282,7 @@ def test_errors_of_used_life_become_those_of_wear() -> None:
     assert model.mean[0, LOT:] == pytest.approx(scales * errors.mean)
     expected = errors.covariance * np.outer(scales, scales)
     assert model.covariance[0, LOT:, LOT:] == pytest.approx(expected)
-    prior = numbers_of(BY_HAND, True)["prior"]
+    prior = filter_numbers_of(BY_HAND, True)["prior"]
     assert model.covariance[0, :LOT, :LOT] == pytest.approx(np.diag(prior[:LOT]))
     assert not model.covariance[0, :LOT, LOT:].any()
 

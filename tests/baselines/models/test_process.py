@@ -12,7 +12,7 @@ from baselines.models.process import (
     MAX_LIFE,
     MIN_LIFE,
     Limit,
-    Line,
+    LimitLine,
     Process,
     Scales,
     torque_limit,
@@ -37,23 +37,23 @@ def number(value: Any) -> float:
 
 
 def test_a_line_gives_the_highest_feed_and_speed() -> None:
-    line = Line(cutting_speed=0.5, feed=2.0, room=np.array(5.0))
+    line = LimitLine(cutting_speed=0.5, feed=2.0, room=np.array(5.0))
     assert number(line.highest_feed(np.array(2.0))) == pytest.approx((5.0 - 1.0) / 2.0)
     assert number(line.highest_cutting_speed(np.array(2.0))) == pytest.approx((5.0 - 4.0) / 0.5)
 
 
 @pytest.mark.parametrize("exponent", [0.0, -1.0])
 def test_a_limit_that_no_feed_reaches_has_no_highest_feed(exponent: float) -> None:
-    line = Line(cutting_speed=0.5, feed=exponent, room=np.array(5.0))
+    line = LimitLine(cutting_speed=0.5, feed=exponent, room=np.array(5.0))
     assert number(line.highest_feed(np.array(2.0))) == math.inf
-    speed = Line(cutting_speed=exponent, feed=0.5, room=np.array(5.0))
+    speed = LimitLine(cutting_speed=exponent, feed=0.5, room=np.array(5.0))
     assert number(speed.highest_cutting_speed(np.array(2.0))) == math.inf
 
 
 def test_lines_cross_where_both_limits_are_reached() -> None:
     # 2 x + y = 7 and 5 x + 3 y = 19 meet at (2, 3).
-    first = Line(cutting_speed=2.0, feed=1.0, room=np.array(7.0))
-    second = Line(cutting_speed=5.0, feed=3.0, room=np.array(19.0))
+    first = LimitLine(cutting_speed=2.0, feed=1.0, room=np.array(7.0))
+    second = LimitLine(cutting_speed=5.0, feed=3.0, room=np.array(19.0))
     speed, feed = first.crossing(second)
     assert (number(speed), number(feed)) == pytest.approx((2.0, 3.0))
 

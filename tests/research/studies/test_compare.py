@@ -9,11 +9,11 @@ from leaderboard.play import EPISODE_FIELDS
 from leaderboard.statistics import Floats
 from research.studies.compare import (
     STUDIES,
-    Played,
     Study,
+    VariantEpisodes,
     home_of,
     main,
-    table,
+    variants_table,
     with_changes,
 )
 from tests.train.small import PARAMETERS
@@ -154,7 +154,7 @@ def test_leads_are_over_another_variant_seed_by_seed() -> None:
         "margin_1": [_played(rough_turning=returns)],
         "margin_0.9": [_played(rough_turning=returns + 30.0)],
     }
-    first, second = records(table(study, variants))
+    first, second = records(variants_table(study, variants))
     assert first["Difference [s]"] == ""
     assert second["Difference [s]"] == "30.0 (30.0 to 30.0)"
     assert second["Median [s]"] == "30.0"
@@ -171,7 +171,7 @@ def test_scores_are_0_and_100_for_the_ends_of_the_scale() -> None:
         "causal": [_played(shop=returns + 200.0)],
         "ppo": [_played(shop=returns + 100.0)],
     }
-    scores = [row["Score"] for row in records(table(study, variants))]
+    scores = [row["Score"] for row in records(variants_table(study, variants))]
     assert scores == ["0.0 (0.0 to 0.0)", "100.0 (100.0 to 100.0)", "75.0 (75.0 to 75.0)"]
 
 
@@ -183,19 +183,19 @@ def test_rankings_are_compared_with_that_of_the_first_scenario() -> None:
         "optimiser": [_played(a=np.full(4, -2.0), b=np.full(4, -1.0))],
         "fixed_tuned": [_played(a=np.full(4, -3.0), b=np.full(4, -3.0))],
     }
-    _, _, first, second = table(study, variants).splitlines()
+    _, _, first, second = variants_table(study, variants).splitlines()
     assert cells(first)[:3] == ["`a`", "1.00", "`predictive`"]
     expected = ["`b`", "0.33", "`optimiser`", "", "`optimiser` before `predictive`"]
     assert cells(second) == expected
 
 
-def _played(**returns: Floats) -> Played:
+def _played(**returns: Floats) -> VariantEpisodes:
     """Return made-up episodes by scenario, of given returns."""
     episodes = {}
     for scenario, values in returns.items():
         episodes[scenario] = dict.fromkeys(EPISODE_FIELDS, np.ones(len(values)))
         episodes[scenario]["return"] = values
-    return Played(episodes, None)
+    return VariantEpisodes(episodes, None)
 
 
 @pytest.mark.slow

@@ -14,7 +14,7 @@ def test_ratios_are_taken_within_a_turn() -> None:
     # core.
     reference_timings = [Timing(100.0, 100.0), Timing(50.0, 100.0), Timing(100.0, 100.0)]
     other_timings = [Timing(300.0, 300.0), Timing(150.0, 300.0), Timing(200.0, 300.0)]
-    *_, other_line = throughput.table(cases, [reference_timings, other_timings])
+    *_, other_line = throughput.medians_table(cases, [reference_timings, other_timings])
     assert other_line == "| other | 1 | 200.0 | 300.0 | 3 (2 to 3) |"
 
 
