@@ -2,9 +2,9 @@
 
 ``load_filter.py`` describes the states and is the interface; nothing else should call this file,
 except for ``distance_moved``, by which agents follow the tool, too (``train/agent_inputs.py``). In
-all functions, ``model`` is a record of the nominal model (``load_filter.numbers_of``), ``memory``
-one of ``MEMORY``, and ``mean`` and ``covariance`` are the estimate, of shapes (STATES,) and
-(STATES, STATES).
+all functions, ``model`` is a record of the nominal model (``load_filter.filter_numbers_of``),
+``memory`` one of ``MEMORY``, and ``mean`` and ``covariance`` are the estimate, of shapes (STATES,)
+and (STATES, STATES).
 
 The filter is an extended Kalman filter (Särkkä 2013, "Bayesian Filtering and Smoothing", section
 5.2). Its states move by linear equations, so only the measurements are linearised.
@@ -415,7 +415,7 @@ def move_field(model, mean, covariance, k, t):
 
 
 @compiled
-def log_load(model, memory, mean, law, depth, hardness, place, derivatives):
+def log_load_ratio(model, memory, mean, law, depth, hardness, place, derivatives):
     """Return the log ratio of a law's load to the nominal load, and set its derivatives.
 
     ``depth`` and ``hardness``: relative deviation of depth and log hardness [-]; derivatives by
@@ -523,7 +523,7 @@ def compare_load(model, memory, mean, law, reading, time_in_metal, scratch):
         derivatives = scratch.derivatives[law]
         depth = mean[DEPTH]
         hardness = mean[HARDNESS]
-        estimate = log_load(model, memory, mean, law, depth, hardness, place, derivatives)
+        estimate = log_load_ratio(model, memory, mean, law, depth, hardness, place, derivatives)
         scratch.surprise[law] = log(load / expected) - estimate
         scratch.variance[law] = model.noise[law] + timing * timing
         memory.measured = 1
@@ -642,8 +642,8 @@ def load_of_edge(model, memory, mean, law, derivatives):
         log_feed=-model.reference_log_feed,
         log_wear=log(model.wear_criterion),
     )
-    load = log_load(model, memory, mean, law, 0.0, 0.0, origin, derivatives)
-    load_here = log_load(model, memory, mean, law, 0.0, 0.0, here, derivatives)
+    load = log_load_ratio(model, memory, mean, law, 0.0, 0.0, origin, derivatives)
+    load_here = log_load_ratio(model, memory, mean, law, 0.0, 0.0, here, derivatives)
     if law == POWER:
         # A separated idle power does not grow with the errors of the cut's power.
         idle = memory.idle * exp(-load_here) if model.separates_idle > 0.0 else memory.idle

@@ -11,7 +11,7 @@ from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
-from turning_control.readings import Readings, spindle_speed_at
+from turning_control.readings import Readings, bar_spindle_speed
 from turning_control.shield import DEFAULT_SETTINGS, LOG, REFUSALS, Shield, ShieldSettings
 from turning_control.watch import Watch
 
@@ -156,7 +156,7 @@ class Controller:
         """Return the commands after readings that have a fault, or none if the text is empty."""
         if self._shield.takeover[0]:
             return feed_hold(Status.OPERATOR, "takeover")
-        lowest_turns = spindle_speed_at(self._scenario, self._scenario.machine.cutting_speed_min)
+        lowest_turns = bar_spindle_speed(self._scenario, self._scenario.machine.cutting_speed_min)
         if abs(readings.spindle_speed) < STANDSTILL * lowest_turns:
             self._shield.miss()
             status = Status.IDLE if readings.in_feed is False else Status.OPERATOR

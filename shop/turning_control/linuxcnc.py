@@ -37,10 +37,10 @@ from turning_control.policy_process import in_own_process, loads_code_or_a_file
 from turning_control.readings import (
     FURTHER,
     Readings,
+    bar_spindle_speed,
     force_reading,
     needed_readings,
     possible_values,
-    spindle_speed_at,
 )
 from turning_control.shield import LOG, Shield
 
@@ -164,7 +164,7 @@ def _warm_up(scenario: Scenario, controller: Controller) -> None:
     for name in FURTHER:
         if name in spans:
             loads[name] = spans[name].low
-    spindle_speed = spindle_speed_at(scenario, scenario.control.initial_cutting_speed)
+    spindle_speed = bar_spindle_speed(scenario, scenario.control.initial_cutting_speed)
     motion = {
         "spindle_speed": spindle_speed,
         "feed_velocity": scenario.control.initial_feed * spindle_speed,
@@ -201,7 +201,7 @@ def program(scenario: Scenario, bars: int) -> str:
     control = scenario.control
     highest = highest_feed(scenario)
     radius = 0.5 * work.diameter
-    spindle_speed = spindle_speed_at(scenario, control.initial_cutting_speed)
+    spindle_speed = bar_spindle_speed(scenario, control.initial_cutting_speed)
     time_constant = scenario.machine.feed_time_constant
     lag = spindle_speed / 60.0 * time_constant  # [rev] by which the drive is behind
     run_up = 5.0 * lag * highest + 1.0  # [mm] in which it settles
@@ -348,7 +348,7 @@ def pin_ranges(scenario: Scenario) -> dict[str, tuple[float, float]]:
 def _write_lathe(folder: Path, scenario: Scenario) -> None:
     """Write the lathe's configuration into a folder."""
     programmed_speed = scenario.control.initial_cutting_speed
-    turns = spindle_speed_at(scenario, programmed_speed) / 60.0  # [1/s]
+    turns = bar_spindle_speed(scenario, programmed_speed) / 60.0  # [1/s]
     velocity = turns * scenario.machine.feed_max
     lag = scenario.machine.feed_time_constant
     # Accelerations are ten times those that the drive's lag needs, so that the lag decides.

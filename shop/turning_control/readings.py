@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from turning_env.numerics.conversions import spindle_speed_at as spindle_speed_on
+from turning_env.numerics.conversions import spindle_speed_at
 from turning_env.observation import parameters_of
 from turning_env.physics.drives import steady_current
 from turning_env.physics.quantities import MAX_RATIO, layout
@@ -90,7 +90,7 @@ def possible_values(scenario: Scenario) -> dict[str, Span]:
     limits = scenario.limits
     work = scenario.workpiece
     surface = scenario.surface
-    turns = spindle_speed_at(scenario, float(scenario.cutting_speed_max))
+    turns = bar_spindle_speed(scenario, float(scenario.cutting_speed_max))
     rated_power = max(limits.power * scenario.spindle.short_time_load, machine.rated_power)
     max_force = MAX_LOAD * limits.thrust_force
     max_current = float(steady_current(parameters_of(scenario)[0], 0, max_force, 0.0))
@@ -118,9 +118,9 @@ def _from_zero(high: float) -> Span:
     return Span(-ZERO_ERROR * high, high)
 
 
-def spindle_speed_at(scenario: Scenario, cutting_speed: float) -> float:
-    """Return the spindle speed [rev/min] at a cutting speed [m/min]."""
-    return float(spindle_speed_on(cutting_speed, scenario.workpiece.diameter))
+def bar_spindle_speed(scenario: Scenario, cutting_speed: float) -> float:
+    """Return the spindle speed [rev/min] at a cutting speed [m/min] on the scenario's bar."""
+    return float(spindle_speed_at(cutting_speed, scenario.workpiece.diameter))
 
 
 def is_switch(value: Any) -> bool:

@@ -13,8 +13,8 @@ from turning_control.readings import (
     OVERSHOOT,
     Readings,
     ReadingsTable,
+    bar_spindle_speed,
     force_reading,
-    spindle_speed_at,
 )
 
 from turning_env.observation import Reading
@@ -150,7 +150,7 @@ class Watch:
         # In a run-up adaptive feed is off, so the feed must follow only where there may be metal.
         obeys = bool(readings.cutting) or bool(metal)
         too_fast = obeys and feed > FOLLOWS * commanded_feed + machine.feed_min
-        turns = spindle_speed_at(self._scenario, float(reading.commanded_cutting_speed[0]))
+        turns = bar_spindle_speed(self._scenario, float(reading.commanded_cutting_speed[0]))
         ratio = readings.spindle_speed / turns
         off_speed = self._sets_speed and not 1.0 / FOLLOWS < ratio < FOLLOWS
         wrong_place = metal is not None and metal != readings.cutting

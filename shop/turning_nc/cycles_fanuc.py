@@ -31,7 +31,7 @@ from turning_nc.passes import (
     roughing_passes,
     thread_passes,
 )
-from turning_nc.paths import Path, Point, Stop, joined, shifted
+from turning_nc.paths import Path, Point, Stop, shifted, straight_paths
 from turning_nc.words import BlockError, Line, Word
 
 MAX_REPEATS = 1000
@@ -517,5 +517,5 @@ def run_box(control: Control, code: int, line: Line) -> None:
         third = Stop(Point(z, start.x), rapid=is_thread)
     kind: Kind = "thread" if is_thread else "feed"
     with _feed_of(control, is_thread):
-        box = list(joined(start, first, end, third, Stop(start, rapid=True)))
+        box = list(straight_paths(start, first, end, third, Stop(start, rapid=True)))
         add_passes(control, [box], kind)

@@ -113,7 +113,7 @@ class Metal:
         is_small = has_metal & (counts <= MAX_SMALL)
         is_large = has_metal & ~is_small
         self._put(left[is_large], counts[is_large])
-        small = list(joined(left[is_small]))
+        small = list(joined_pieces(left[is_small]))
         small_counts = shapely.get_num_coordinates(small)
         self._put(np.array(small, dtype=object), small_counts)
 
@@ -141,7 +141,7 @@ class Metal:
         self._free = list(range(count, 2 * count))
 
 
-def joined(pieces: NDArray[Any]) -> Iterator[Any]:
+def joined_pieces(pieces: NDArray[Any]) -> Iterator[Any]:
     """Yield small pieces, joined with their neighbours as far as they share edges.
 
     A joined piece has at most half of the vertices at which a piece is divided. So time is spent on

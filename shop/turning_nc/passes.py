@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Self
 
-from turning_nc.paths import Path, Point, Stop, joined, shifted
+from turning_nc.paths import Path, Point, Stop, shifted, straight_paths
 from turning_nc.words import BlockError
 
 MAX_PASSES = 2000
@@ -202,11 +202,11 @@ class _RoughingPasses:
             along = view.seen(position).along
             above = view.rapid(along, clear)
             begin = Stop(pocket[0].start, rapid=True)
-            passes.append([*joined(position, above, begin), *pocket])
+            passes.append([*straight_paths(position, above, begin), *pocket])
             position = pocket[-1].end
         if pockets:
             above_start = view.rapid(start.along, clear)
-            passes[-1] += joined(position, above_start)
+            passes[-1] += straight_paths(position, above_start)
             position = passes[-1][-1].end
         passes.append(self._along(position, contour, clear))
         return passes
@@ -220,12 +220,12 @@ class _RoughingPasses:
         view = self.view
         begin = view.seen(self.start).along
         last = contour[-1].end
-        lead = joined(
+        lead = straight_paths(
             position,
             view.rapid(begin, self.profile[0].height),
             Stop(contour[0].start, rapid=False),
         )
-        back = joined(
+        back = straight_paths(
             last,
             view.rapid(view.seen(last).along, clear),
             view.rapid(begin, clear),
@@ -239,7 +239,7 @@ class _RoughingPasses:
         begin = view.seen(self.start).along
         away = level + self.retraction
         return list(
-            joined(
+            straight_paths(
                 position,
                 view.rapid(begin, level),
                 view.feed(end, level),
@@ -261,7 +261,7 @@ class _RoughingPasses:
             left = stretch.end
         near = max(level + self.step, wall[0].height) + self.retraction
         return list(
-            joined(
+            straight_paths(
                 view.point(begin, clear),
                 view.rapid(begin, near),
                 *(view.feed(corner.along, corner.height) for corner in wall),
@@ -396,9 +396,9 @@ def pecked(start: Point, end: Point, cycle: Pecking) -> list[Pass]:
             stops.append(Stop(cycle.point(depth - drawn, place), rapid=True))
         stops.append(Stop(cycle.point(depths[-1], place), rapid=False))
         stops.append(above)
-        passes.append(list(joined(position, *stops)))
+        passes.append(list(straight_paths(position, *stops)))
         position = above.point
-    passes[-1] += joined(position, Stop(start, rapid=True))
+    passes[-1] += straight_paths(position, Stop(start, rapid=True))
     return passes
 
 
@@ -447,8 +447,8 @@ def repeated_passes(
         begin = shifted(start, shift)
         cut = [path.moved(shift) for path in contour]
         end = start if number == last else begin
-        lead = joined(position, Stop(begin, rapid=True), Stop(cut[0].start, rapid=True))
-        back = joined(cut[-1].end, Stop(end, rapid=True))
+        lead = straight_paths(position, Stop(begin, rapid=True), Stop(cut[0].start, rapid=True))
+        back = straight_paths(cut[-1].end, Stop(end, rapid=True))
         passes.append([*lead, *cut, *back])
         position = passes[-1][-1].end
     return passes
@@ -545,7 +545,7 @@ def thread_passes(thread: Thread, depths: Sequence[float]) -> list[Pass]:
         over = outwards * (thread.height - depth)
         # The tool goes in along a flank: the deeper, the later it begins.
         begin = start.z + along * depth * slope
-        moves = joined(
+        moves = straight_paths(
             start,
             Stop(Point(begin, start.x), rapid=True),
             Stop(Point(begin, thread.first_root + over), rapid=True),

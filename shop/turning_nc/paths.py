@@ -139,7 +139,7 @@ def _angle(centre: Point, point: Point) -> float:
     return math.atan2(point.x - centre.x, point.z - centre.z)
 
 
-def joined(start: Point, *stops: Stop) -> Iterator[Path]:
+def straight_paths(start: Point, *stops: Stop) -> Iterator[Path]:
     """Yield straight moves to the stops that are apart."""
     for stop in stops:
         if math.dist(start, stop.point) > MIN_LENGTH:

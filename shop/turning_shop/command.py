@@ -642,7 +642,9 @@ def _draw_advice(
         replace_file(options.page, lambda partial: partial.write_text(page, "utf-8"))
 
 
-def _write_job(options: argparse.Namespace, job: "start.Job", advice: "list[Advice]") -> None:
+def _write_job(
+    options: argparse.Namespace, job: "start.CatalogueJob", advice: "list[Advice]"
+) -> None:
     """Write the plan of measurements and the scenario of a job, if they are asked for."""
     from turning_shop import start, wear_plan
 
@@ -653,7 +655,7 @@ def _write_job(options: argparse.Namespace, job: "start.Job", advice: "list[Advi
         write_file(options.out, start.toml_of(job, options.out))
 
 
-def _job(options: argparse.Namespace) -> "start.Job | None":
+def _job(options: argparse.Namespace) -> "start.CatalogueJob | None":
     """Return the job of --material and the options beside it; None if a scenario is given."""
     from turning_shop import start, start_question
 

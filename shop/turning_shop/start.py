@@ -31,7 +31,7 @@ from turning_shop.fit import TYPICAL_EDGE_SPREAD
 from turning_shop.prediction import Evidence
 from turning_shop.provenance import TAYLOR, Stated, for_advice
 from turning_shop.start_question import USUAL_ENTERING_ANGLE, Question, Setup, setup_of
-from turning_shop.start_window import CutWindow, window_of
+from turning_shop.start_window import CutWindow, cut_window_of
 
 from turning_env.scenario import Scenario
 from turning_env.scenario.scenario import flat, merged
@@ -140,7 +140,7 @@ def job_of(question: Question) -> CatalogueJob:
         ScenarioError: The machine's file is invalid.
     """
     setup = setup_of(question)
-    window = window_of(setup)
+    window = cut_window_of(setup)
     group = setup.material.group
     insert = setup.insert
     criterion = setup.machine.tool.wear_criterion
@@ -162,7 +162,9 @@ def job_of(question: Question) -> CatalogueJob:
         source="catalogue",
         tool=f"{insert.name} {setup.grade.name} in {setup.material.name}",
         hardness=group.hardness,
-        laws=laws.evidence_of(fitted, group, setup.start, feeds=window.feeds, depths=window.depths),
+        laws=laws.catalogue_evidence(
+            fitted, group, setup.start, feeds=window.feeds, depths=window.depths
+        ),
     )
     stated = Stated(set(setup.stated) | set(flat(values)), setup.preset)
     scenario, evidence = for_advice(scenario, evidence, stated, is_simulated=False)

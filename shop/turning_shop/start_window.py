@@ -26,7 +26,7 @@ class CutWindow(NamedTuple):
     assumptions: tuple[str, ...]
 
 
-def window_of(setup: Setup) -> CutWindow:
+def cut_window_of(setup: Setup) -> CutWindow:
     """Return where insert, grade and machine allow cuts.
 
     Raises:

@@ -322,14 +322,14 @@ def wear_edges(state, work, count, p):
     """
     if p.wear_rule == EQUIVALENT_TIME:
         for i in range(count):
-            log_k = log_coefficient(state, work, i, p)
+            log_k = log_minute_wear(state, work, i, p)
             state.used_life[i] += life_share(p, i, log_k, work.engaged[i])
     else:
         for i in range(count):
             start = state.cutting_time[i]
             end = start + work.engaged[i]
             used_life = state.used_life[i]
-            log_k = log_coefficient(state, work, i, p)
+            log_k = log_minute_wear(state, work, i, p)
             life = life_by_clock(p, i, used_life, log_k, start, end)
             # Rounding must not make an edge sharper. An edge out of the metal keeps its life.
             life = max(life, used_life)
@@ -342,7 +342,7 @@ def wear_edges(state, work, count, p):
 
 
 @compiled
-def log_coefficient(state, work, i, p):
+def log_minute_wear(state, work, i, p):
     """Return the logarithm of the wear [mm] of a fresh edge after a minute of the present cut."""
     nominal = log_wear_coefficient(
         p, i, work.log_cutting_speed[i], work.log_feed[i], work.log_depth[i], state.log_hardness[i]

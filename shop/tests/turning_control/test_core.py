@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 from turning_control.core import Commands, Controller, Status, highest_feed, on_control
-from turning_control.readings import Readings, spindle_speed_at
+from turning_control.readings import Readings, bar_spindle_speed
 from turning_control.shield import PATIENCE, Shield
 
 from turning_env import Scenario
@@ -159,7 +159,7 @@ def test_a_load_that_jumps_lowers_the_feed_at_once_and_never_raises_it(
 ) -> None:
     scenario = on_control(Scenario.load(preset))
     controller = Controller(scenario, lambda num_envs: HighestFeed(action_size(scenario)))
-    turns = spindle_speed_at(scenario, scenario.control.initial_cutting_speed)
+    turns = bar_spindle_speed(scenario, scenario.control.initial_cutting_speed)
     commands = Commands(controller.safe_feed, 1.0, Status.IDLE, reason="")
     random = np.random.default_rng(0)
     feeds = []

@@ -5,7 +5,7 @@ PF and Kennametal's FN are for finishing. So names are looked up, never parsed. 
 in the table is unknown, and gets a narrower window.
 
 Windows are stated for negative inserts with an inscribed circle of 12.7 mm and a nose radius of
-0.8 mm. ``window_of`` scales them to an insert.
+0.8 mm. ``scaled_window`` scales them to an insert.
 """
 
 import math
@@ -136,7 +136,7 @@ mm radius (2021-2022, p. 301), and 0.2 to 0.4 mm/rev and 1 to 3 mm with negative
 """
 
 
-def window_of(window: Window, circle: float, nose_radius: float, is_positive: bool) -> Window:
+def scaled_window(window: Window, circle: float, nose_radius: float, is_positive: bool) -> Window:
     """Return a window for an insert of another size, nose radius and clearance.
 
     Depths are in proportion to the inscribed circle. Feeds fall with the root of a nose radius

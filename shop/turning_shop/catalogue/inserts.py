@@ -167,7 +167,7 @@ def read_insert(text: str) -> Insert:
         nose_radius=radius,
         edge=edge,
         breaker=breaker,
-        cut=breakers.window_of(cut, circle, radius, is_positive=is_positive),
+        cut=breakers.scaled_window(cut, circle, radius, is_positive=is_positive),
         assumptions=assumptions,
     )
 

@@ -120,7 +120,7 @@ def wear_law(
     )
 
 
-def evidence_of(
+def catalogue_evidence(
     material: Material,
     group: Group,
     start: Start,

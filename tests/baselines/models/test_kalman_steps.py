@@ -46,7 +46,7 @@ from baselines.models.kalman_steps import (
     learn_wear,
     load_of_bar,
     load_of_edge,
-    log_load,
+    log_load_ratio,
     log_wear_factor,
     look_ahead,
     move_on,
@@ -397,7 +397,9 @@ def expected_load(law: int, mean: Any) -> float:
 def test_the_log_load_is_that_of_its_equation_and_derivatives_are_differences(law: int) -> None:
     mean, _ = estimate()
     derivatives = np.empty(STATES)
-    load = log_load(model(), memory(), mean, law, mean[DEPTH], mean[HARDNESS], PLACE, derivatives)
+    load = log_load_ratio(
+        model(), memory(), mean, law, mean[DEPTH], mean[HARDNESS], PLACE, derivatives
+    )
     assert load == pytest.approx(expected_load(law, mean))
     step = 1e-6
     for k in range(STATES):
@@ -412,7 +414,7 @@ def test_the_log_load_is_that_of_its_equation_and_derivatives_are_differences(la
 def test_a_depth_near_0_is_taken_as_a_twentieth() -> None:
     mean = np.zeros(STATES)
     derivatives = np.empty(STATES)
-    load = log_load(model(), memory(), mean, FORCE, -2.0, 0.0, PLACE, derivatives)
+    load = log_load_ratio(model(), memory(), mean, FORCE, -2.0, 0.0, PLACE, derivatives)
     assert load == pytest.approx(0.75 * math.log(0.05))
     assert derivatives[DEPTH] == pytest.approx(0.75 / 0.05)
 
@@ -454,7 +456,9 @@ def test_a_reading_is_compared_with_the_nominal_load_behind_the_sensors_lag(
     assert record.expected[law] == pytest.approx(expected)
     place = Place(math.log(1.2), math.log(1.5), log_wear=math.log(0.11))
     derivatives = np.empty(STATES)
-    ratio = log_load(model(), memory(), mean, law, mean[DEPTH], mean[HARDNESS], place, derivatives)
+    ratio = log_load_ratio(
+        model(), memory(), mean, law, mean[DEPTH], mean[HARDNESS], place, derivatives
+    )
     assert scratch.surprise[law] == pytest.approx(math.log(load / expected) - ratio)
     # Half a sub-step of 0.1 s in the time of entry.
     timing = 0.05 * (nominal / expected - 1.0) / lag

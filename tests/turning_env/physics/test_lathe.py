@@ -40,7 +40,7 @@ from turning_env.physics.lathe import (
     end_sub_step,
     leave_metal,
     load_edges,
-    log_coefficient,
+    log_minute_wear,
     look_ahead,
     look_up_cuts,
     move,
@@ -353,7 +353,7 @@ def test_insert_and_skin_multiply_the_wear_of_the_law() -> None:
     records = cutting()
     put(records.state, log_wear_factor=0.1, log_skin_wear=0.2)
     put(records.work, log_cutting_speed=0.4)
-    log_k = log_coefficient(records.state, records.work, ENV, records.p)
+    log_k = log_minute_wear(records.state, records.work, ENV, records.p)
     assert log_k == pytest.approx(math.log(0.05) + 0.4 + 0.1 + 0.2)
 
 
