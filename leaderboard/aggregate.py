@@ -291,11 +291,11 @@ def not_feasible(tasks: Sequence[TaskScores]) -> list[str]:
             places.setdefault(name, []).append(_short(task.label))
     sentences = []
     for heading, feasibility in _HEADINGS.items():
-        places = []
+        named = []
         for name, labels in tasks_by_policy[feasibility].items():
-            places.append(f"`{name}` on {', '.join(labels)}")
-        if places:
-            sentences.append(f"{heading}: {'; '.join(places)}.")
+            named.append(f"`{name}` on {', '.join(labels)}")
+        if named:
+            sentences.append(f"{heading}: {'; '.join(named)}.")
     return sentences
 
 
