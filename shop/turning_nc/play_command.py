@@ -32,6 +32,7 @@ from turning_shop.allowed import limited_by_bending, limited_by_strength
 from turning_shop.prediction import Evidence
 from turning_shop.provenance import OF_PROGRAMS, load
 from turning_shop.units import SYSTEMS
+from turning_shop.whatif import NO_LIMIT
 
 from turning_env.console import print_json
 from turning_env.files import replace_file
@@ -44,6 +45,8 @@ MARK = ".simulated"
 """Suffix that the name of an adapted program must hold."""
 FORCE_LIMIT_IS_OFF = "limits.thrust_force is off"
 """Beginning of a warning that does not apply if the strength of edges bounds the thrust force."""
+POWER_LIMIT_IS_OFF = "limits.power is off"
+"""Beginning of a warning that does not apply to a tool if ``--scenario`` limits the power."""
 
 
 def play_program(options: argparse.Namespace) -> int:
@@ -200,7 +203,7 @@ def _play(options: argparse.Namespace, laws: _Laws, tools: _Tools) -> _Results:
     laws = _with_bending(laws, polygon)
     own_laws: dict[str, cutting.Laws] = {}
     for names, laws_of_tools in _shared(tools.laws).items():
-        limited = _with_bending(laws_of_tools, polygon)
+        limited = _with_bending(_on_machine(laws_of_tools, laws.scenario), polygon)
         own_laws |= dict.fromkeys(names, cutting.Laws(limited.scenario, limited.evidence))
         notes += [f"{' and '.join(names)}: {note}" for note in limited.notes]
         kinds = {name: removed.tools[name] for name in names}
@@ -239,6 +242,20 @@ def _shared(laws: Mapping[str, _Laws]) -> dict[tuple[str, ...], _Laws]:
     for name, laws_of_tool in laws.items():
         tools_of.setdefault(id(laws_of_tool), []).append(name)
     return {tuple(names): laws[names[0]] for names in tools_of.values()}
+
+
+def _on_machine(laws: _Laws, machine: Scenario) -> _Laws:
+    """Return a tool's laws on the spindle of ``--scenario``, which turns for all tools.
+
+    Its limit of power holds unless that of the tool's file is lower.
+    """
+    power = min(laws.scenario.limits.power, machine.limits.power)
+    limits = laws.scenario.limits.model_copy(update={"power": power})
+    changes = {"limits": limits, "spindle": machine.spindle}
+    notes = laws.notes
+    if power != NO_LIMIT["power"]:
+        notes = [note for note in notes if not note.startswith(POWER_LIMIT_IS_OFF)]
+    return replace(laws, scenario=laws.scenario.model_copy(update=changes), notes=notes)
 
 
 def _with_bending(laws: _Laws, polygon: Any) -> _Laws:

@@ -139,6 +139,38 @@ def test_the_output_names_the_laws_of_each_tool(
 
 
 @pytest.mark.parametrize(
+    ("limit", "other"),
+    [
+        pytest.param("", "", id="no limit of the tool"),
+        pytest.param("limits.power = 99.0\n", "", id="higher limit of the tool"),
+        pytest.param("limits.power = 1.0\n", "limits.power = 1.0\n", id="lower limit of the tool"),
+    ],
+)
+def test_the_machine_s_power_limits_tools_whose_files_do_not(
+    limit: str, other: str, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    # Below the base speed, less than the rated power is available, also to tools with own laws.
+    machine = 'base = "rough_turning"\nlimits.power = 4.0\nspindle.base_speed = 2000.0\n'
+    (folder / "machine.toml").write_text(machine)
+    (folder / "plain.toml").write_text(f'base = "rough_turning"\n{limit}')
+    (folder / "same.toml").write_text(
+        machine.replace("limits.power = 4.0\n", other or "limits.power = 4.0\n")
+    )
+
+    def blocks(tool: str) -> tuple[list[float], list[str]]:
+        options = ["--scenario", "@machine.toml", "--tool", f"T0202=@{tool}", "--json"]
+        assert run(folder, *options) == 0
+        printed = json.loads(capsys.readouterr().out)
+        shares = [block["power_share"] for block in printed["blocks"]]
+        return shares, [note for note in printed["notes"] if "T0202" in note]
+
+    shares, notes = blocks("plain.toml")
+    assert shares == pytest.approx(blocks("same.toml")[0])
+    assert max(shares) > 0.5
+    assert not any("limits.power is off" in note for note in notes)
+
+
+@pytest.mark.parametrize(
     ("options", "message"),
     [
         pytest.param(
