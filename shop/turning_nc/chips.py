@@ -27,6 +27,7 @@ EDGES_OF_DRILL = 2  # (assumption)
 HALF_THREAD_ANGLE = math.radians(30.0)  # ISO metric and unified threads (assumption)
 SAMPLES = 17  # places along a pass of a thread at which the stock is looked for
 FAR = 1e5  # radius beyond every stock [mm]
+SAME_PHASE = 0.01  # difference of the starts of passes, in turns, below which they count as one
 SAME_RADIUS = 1e-6  # difference of radii below which they count as the same [mm]
 
 
@@ -87,6 +88,21 @@ class _Thread:
     low: float  # least Z [mm]
     high: float  # largest Z [mm]
     depth: float  # [mm]
+    phase: float  # angle of the spindle at which the tool passes Z0, in turns from 0 to 1
+
+    def apart(self, other: "_Thread") -> float:
+        """Return the angle between the starts of two passes, in turns up to a half."""
+        turns = abs(self.phase - other.phase)
+        return min(turns, 1.0 - turns)
+
+    def is_start_of(self, other: "_Thread") -> bool:
+        """Return whether a pass of this thread may deepen to another: it is of the same start.
+
+        Passes that go in along a flank begin a little later, the deeper they are. One of the same
+        depth that begins elsewhere is of another start.
+        """
+        is_same_depth = abs(self.depth - other.depth) < SAME_RADIUS
+        return not is_same_depth or self.apart(other) < SAME_PHASE
 
     def has(self, other: "_Thread") -> bool:
         """Return whether a pass belongs to the thread: at the same place, and no less deep.
@@ -130,10 +146,15 @@ def thread_chips(moves: Sequence[Move], part: Any) -> dict[int, Chip | None]:
             low=min(start, end),
             high=max(start, end),
             depth=depth,
+            phase=_phase(move),
         )
         same = [thread for thread in threads if thread.has(cut)]
-        before = max((thread.depth for thread in same), default=0.0)
-        threads = [thread for thread in threads if thread not in same]
+        # Of a thread of several starts, the pass deepens the one that begins nearest to it.
+        deepened = min(same, key=cut.apart, default=None)
+        before = 0.0
+        if deepened is not None and deepened.is_start_of(cut):
+            before = deepened.depth
+            threads.remove(deepened)
         threads.append(cut)
         chips[index] = thread_chip(before, depth)
     for index, chip in chips.items():
@@ -141,6 +162,14 @@ def thread_chips(moves: Sequence[Move], part: Any) -> dict[int, Chip | None]:
         if chip is None and moves[index].tool in in_metal:
             chips[index] = NO_CHIP
     return chips
+
+
+def _phase(move: Move) -> float:
+    """Return the angle of the spindle at which a thread's tool would pass Z0, in turns."""
+    begin = move.path.start.z
+    towards = math.copysign(1.0, move.path.end.z - begin)
+    turns = move.start_angle / 360.0 - towards * begin / move.feed.value
+    return turns % 1.0
 
 
 def _withdraws_inwards(moves: Sequence[Move], index: int) -> bool:

@@ -45,6 +45,7 @@ class Move:
     # 41 or 42 if the nose radius is compensated to the left or to the right; 0 if not.
     compensation: int = 0
     finishes: int = 0  # line of the roughing cycle whose contour the move finishes; 0 if none
+    start_angle: float = 0.0  # of the spindle at which a thread begins [degrees]
 
 
 class ProblemPlace(NamedTuple):
@@ -81,6 +82,7 @@ class Control(Modal, ABC):
     rounding: float = 0.0  # radius of all corners between moves at feed, RNDM [mm]
     compensation: int = 0
     finishes: int = 0
+    start_angle: float = 0.0
     is_drilling: bool = False  # whether a drilling cycle of Fanuc holds
     cycle: CycleState = field(default_factory=CycleState)
     cycle_pass: int = 0
@@ -163,8 +165,12 @@ class Control(Modal, ABC):
         self.go_rapidly(Point(z, x))
 
     @contextlib.contextmanager
-    def thread_feed(self, lead: float) -> Iterator[None]:
-        """Move with the lead of a thread, in the program's units per revolution."""
+    def thread_feed(self, lead: float, start_angle: float = 0.0) -> Iterator[None]:
+        """Move with the lead of a thread, in the program's units per revolution.
+
+        ``start_angle`` is that of the spindle at which it begins [degrees].
+        """
+        self.start_angle = start_angle
         feed = self.feed
         per_revolution = self.per_revolution
         self.feed = Setting(lead * self.length_scale)
@@ -174,6 +180,7 @@ class Control(Modal, ABC):
         finally:
             self.feed = feed
             self.per_revolution = per_revolution
+            self.start_angle = 0.0
 
     def add(self, path: Path, kind: Kind, time: float = 0.0) -> None:
         """Add a move from the tool's position, and the corner before it.
@@ -219,6 +226,7 @@ class Control(Modal, ABC):
                 # Controls rough without compensation: they take the contour as the tip's path.
                 compensation=0 if self.cycle_pass else self.compensation,
                 finishes=self.finishes,
+                start_angle=self.start_angle,
             )
         )
 

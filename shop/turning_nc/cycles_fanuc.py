@@ -18,6 +18,7 @@ from turning_nc.contours import (
 )
 from turning_nc.control import Control, Kind
 from turning_nc.cycles import Box, ContourLines, ContourNames, ThreadSettings
+from turning_nc.interpolation import start_angle
 from turning_nc.modal import COORDINATES
 from turning_nc.passes import (
     Pecking,
@@ -477,10 +478,15 @@ def _point_near_hole(control: Control, word: Word | None, initial: Point, bottom
     return Point(z, initial.x)
 
 
-def _feed_of(control: Control, is_thread: bool) -> contextlib.AbstractContextManager[None]:
-    """Return a context in which the feed in force is a lead, if the cycle cuts a thread."""
+def _feed_of(
+    control: Control, is_thread: bool, angle: float = 0.0
+) -> contextlib.AbstractContextManager[None]:
+    """Return a context in which the feed in force is a lead, if the cycle cuts a thread.
+
+    The thread begins at an angle of the spindle [degrees].
+    """
     if is_thread:
-        return control.thread_feed(control.feed.value / control.length_scale)
+        return control.thread_feed(control.feed.value / control.length_scale, angle)
     return contextlib.nullcontext()
 
 
@@ -516,6 +522,6 @@ def run_box(control: Control, code: int, line: Line) -> None:
         # G92 leaves its thread rapidly, G90 its cylinder at feed.
         third = Stop(Point(z, start.x), rapid=is_thread)
     kind: Kind = "thread" if is_thread else "feed"
-    with _feed_of(control, is_thread):
+    with _feed_of(control, is_thread, start_angle(line)):
         box = list(straight_paths(start, first, end, third, Stop(start, rapid=True)))
         add_passes(control, [box], kind)

@@ -53,7 +53,7 @@ def move(control: Control, line: Line, codes: set[float]) -> None:
     if motion is None and end != control.here:
         raise BlockError("coordinates precede the first G0 or G1")
     if motion in THREADS:
-        with control.thread_feed(_lead(control, line, end)):
+        with control.thread_feed(_lead(control, line, end), start_angle(line)):
             control.add(Path(control.here, end), "thread")
     elif motion in ARCS:
         control.add(_arc(control, line, end), "feed")
@@ -64,6 +64,15 @@ def move(control: Control, line: Line, codes: set[float]) -> None:
     # A move that was too short to add has no corner.
     if control.moves and control.moves[-1].path.end == end:
         control.corner = _corner(control, line)
+
+
+def start_angle(line: Line) -> float:
+    """Return the angle at which a thread begins: Q of a Fanuc, SF of SINUMERIK [degrees]."""
+    word = line.first("Q", "SF")
+    if word is None or word.value is None:
+        return 0.0
+    # Q counts steps of 0.001 degrees.
+    return word.value / 1000.0 if word.address == "Q" else word.value
 
 
 def _lead(control: Control, line: Line, end: Point) -> float:

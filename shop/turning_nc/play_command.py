@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
 from turning_nc import adapt, cutting, edges, moves, removal, stock
 from turning_nc.dialects import DIALECTS
 from turning_nc.kinds import check_called
@@ -304,8 +305,14 @@ def _chip_notes(situation: cutting.Situation) -> list[str]:
         )
     if situation.threaded.any():
         notes.append(
-            "threads are taken as cut by a sharp tool of 60 degrees that goes in radially, with "
-            "one start (assumption)"
+            "threads are taken as cut by a sharp tool of 60 degrees that goes in radially "
+            "(assumption)"
+        )
+    grooving = [tool for tool, kind in situation.removal.tools.items() if "groove" in kind]
+    if (situation.engaged & np.isin(situation.tool, grooving)).any():
+        notes.append(
+            "the thrust of grooving tools is taken as that of turning at their feed and width "
+            "(assumption: no public data were found)"
         )
     for reason, mask in situation.unknown.items():
         lines = set(situation.line[mask].tolist())

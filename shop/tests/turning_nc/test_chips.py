@@ -110,6 +110,46 @@ def test_passes_of_a_thread_have_the_power_of_their_chips(
     assert powers[2] == 0.0  # a spring pass cuts nothing
 
 
+# Two starts of a lead of 4 mm, each in passes of 0.5 and 1 mm; then a spring pass of each.
+BY_ANGLE = "G92 X39. Z-20. F4.{0}\nX39.{1}\nX38.{0}\nX38.{1}\nX38.{0}\nX38.{1}\n"
+BY_PLACE = (
+    "G92 X39. Z-20. F4.\nG0 Z6.\nG92 X39. Z-20.\nG0 Z4.\nG92 X38. Z-20.\nG0 Z6.\n"
+    "G92 X38. Z-20.\nG0 Z4.\nG92 X38. Z-20.\nG0 Z6.\nG92 X38. Z-20.\n"
+)
+START_BY_START = "G92 X39. Z-20. F4.\nX38.\nX38.\nG0 Z6.\nG92 X39. Z-20.\nX38.\nX38.\n"
+
+
+@pytest.mark.parametrize(
+    ("passes", "depths"),
+    [
+        pytest.param(BY_ANGLE.format("", " Q180000"), [0.5, 0.5, 1, 1, 0, 0], id="by Q"),
+        pytest.param(BY_PLACE, [0.5, 0.5, 1, 1, 0, 0], id="by Z"),
+        pytest.param(START_BY_START, [0.5, 1, 0, 0.5, 1, 0], id="one after the other"),
+    ],
+)
+def test_each_start_of_a_thread_cuts_its_own_chips(passes: str, depths: list[float]) -> None:
+    text = f"G21 G99\nT0303\nG97 S500 M3\nG0 X44. Z4.\n{passes}G0 Z50.\nM30"
+    situation = situated(text, "bar:40x60", with_power(1775.0, 0.24), {"T0303": "outside"})
+    powers = played(situation).power[situation.kind == "thread"]
+    # The forces of passes of 0.5 and 1 mm are those of the single thread above.
+    by_depth = {0: 0.0, 0.5: 422.0 * 0.0195, 1: 1148.6 * 0.019}
+    expected = [by_depth[depth] * 2.0 * math.pi * 500.0 / 60_000.0 for depth in depths]
+    assert powers == pytest.approx(expected, rel=1e-3)
+
+
+def test_passes_along_a_flank_are_of_one_start() -> None:
+    text = (
+        "G21 G99\nT0303\nG97 S500 M3\nG0 X44. Z4.\nG76 P020060 Q50 R0.02\n"
+        "G76 X38. Z-20. P1000 Q400 F2.\nG0 Z50.\nM30"
+    )
+    situation = situated(text, "bar:40x60", with_power(2000.0, 0.0), {"T0303": "outside"})
+    # With mc 0, the areas of all passes add up to that of the profile, tan(30) 1^2.
+    powers = played(situation).power[situation.kind == "thread"]
+    diameters = situation.diameter[situation.kind == "thread"]
+    areas = powers * 60_000.0 / (2000.0 * math.pi * diameters * 0.5)
+    assert areas.sum() == pytest.approx(math.tan(math.radians(30.0)), rel=1e-3)
+
+
 def test_a_groove_has_the_power_of_its_width() -> None:
     # Fc = kc w f = 2000 * 3 * 0.1 = 600 N. The first slice has a mean diameter of 49 mm: at 600
     # rev/min 92.36 m/min, so 0.9236 kW.

@@ -214,3 +214,10 @@ def test_a_pair_without_a_name_is_refused(folder: Path, capsys: pytest.CaptureFi
     with pytest.raises(SystemExit, match="2"):
         run(folder, "--tool", "bore.toml")
     assert "must be NAME=KIND or NAME=FILE.toml" in capsys.readouterr().err
+
+
+def test_the_thrust_of_grooving_tools_is_said_to_be_assumed(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(folder, "--tool", "T0202=groove:3") == 0
+    assert "the thrust of grooving tools is taken as that of turning" in capsys.readouterr().out
