@@ -661,6 +661,12 @@ def _job(options: argparse.Namespace) -> "start.CatalogueJob | None":
 
     given = [f"--{name}" for name in _CATALOGUE_OPTIONS if getattr(options, _dest(name))]
     if options.scenario:
+        if options.plan:
+            raise WorkshopError(
+                "--plan needs --material and the options beside it: it plans a first sheet. What a "
+                "further edge narrows follows from the sheet of the measured ones, which "
+                f"{options.scenario} does not hold: add its readings, and run calibrate again"
+            )
         if given:
             raise WorkshopError(
                 f"{options.scenario} has laws of its own: leave out {', '.join(given)}"
@@ -794,7 +800,7 @@ def _add_catalogue_options(parser: argparse.ArgumentParser) -> None:
         "--plan",
         type=Path,
         metavar="HTML",
-        help="page to print: which wear to measure, what it narrows, boxes for readings",
+        help="page to print: which wear to measure first, what it narrows, boxes for readings",
     )
 
 

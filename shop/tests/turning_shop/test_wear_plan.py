@@ -157,5 +157,5 @@ def test_a_scenario_with_laws_has_no_plan(
 ) -> None:
     page = tmp_path / "plan.html"
     assert main(["advise", "h13_romi", "--plan", str(page)]) == 2
-    assert "leave out --plan" in capsys.readouterr().err
+    assert "it plans a first sheet" in capsys.readouterr().err
     assert not page.exists()
