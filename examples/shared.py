@@ -107,7 +107,6 @@ def parser(
         )
         parser.add_argument(
             "--gamma",
-            "--discount",
             type=float,
             metavar="GAMMA",
             default=0.8,

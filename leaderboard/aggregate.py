@@ -44,6 +44,7 @@ LEVELS = (0.0, 50.0, 90.0)
 """Scores at which the table gives the performance profile."""
 BEST_RULE = "best rule"
 BEST_AGENT = "best unprivileged agent"
+_BETTER = f"better than {BEST_RULE} [%]"
 WHAT_IT_ASKS = {
     "shop": "memory and foresight: the lathe's model is wrong",
     "unmodelled": "finding out which laws the model lacks",
@@ -365,20 +366,14 @@ def _mean_over_tasks(means: Sequence[Mean]) -> Mean:
     return Mean(value, np.mean([mean.replicates for mean in means], axis=0))
 
 
-def over_tasks(
-    tasks: Sequence[TaskScores], policies: Collection[str] = (), over: str = BEST_RULE
-) -> list[dict[str, str]]:
+def over_tasks(tasks: Sequence[TaskScores], policies: Collection[str] = ()) -> list[dict[str, str]]:
     """Return a row per kind, and per policy, with numbers over the tasks, as texts.
 
     Args:
         tasks: the scores.
         policies: policies that have a row beside the kinds.
-        over: kind or policy with which the others are compared.
     """
     listed = entries(tasks, policies)
-    compared = listed.get(over)
-    if compared is None:
-        compared = entries(tasks, [over])[over]
     rows = []
     for title, entry in listed.items():
         row = {"policy": title, "tasks": str(len(entry))}
@@ -386,10 +381,10 @@ def over_tasks(
         for level in LEVELS:
             share = profile(entry, level).estimate
             row[f"episodes above {level:.0f} [%]"] = _text(share, factor=100.0)
-        row[f"better than {over} [%]"] = ""
-        wins = improvement(entry, compared)
-        if wins is not None and title != over:
-            row[f"better than {over} [%]"] = _text(wins.estimate, factor=100.0)
+        row[_BETTER] = ""
+        wins = improvement(entry, listed.get(BEST_RULE, {}))
+        if wins is not None and title != BEST_RULE:
+            row[_BETTER] = _text(wins.estimate, factor=100.0)
         rows.append(row)
     return rows
 

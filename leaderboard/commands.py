@@ -131,7 +131,7 @@ def _aggregated(options: argparse.Namespace) -> str:
             # Pages show a quotation in grey.
             texts.append(f"> {remarks}" if is_markdown else remarks)
     if options.aggregate in ("means", "both"):
-        means = aggregate.over_tasks(tasks, options.policies, over=options.over)
+        means = aggregate.over_tasks(tasks, options.policies)
         texts.append(_as_text(means, is_markdown))
     return "\n\n".join(texts)
 
@@ -189,12 +189,6 @@ def _add_show_options(parser: argparse.ArgumentParser) -> None:
         help="print scores over the tasks: the best policies of each task, means over tasks, or "
         "both (default: both); 0 is the best fixed speed and feed, 100 the oracle of the state; "
         "--policies adds rows to the means",
-    )
-    add(
-        "--over",
-        default="best rule",
-        metavar="NAME",
-        help="row of the means with which the others are compared (default: %(default)s)",
     )
 
 

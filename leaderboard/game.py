@@ -14,7 +14,7 @@ from baselines import catalogue
 from leaderboard.scoring import shipped
 from leaderboard.standings import best_rule, rank_together
 from turning_env import FAMILY_ID, IDS, Family, Scenario
-from turning_env.console import UserError, described, exits, positive
+from turning_env.console import UserError, described, exits
 from turning_env.extras import needed
 from turning_env.policy import Policy
 from turning_env.rendering.viewer import Window
@@ -315,13 +315,6 @@ def _add_options(parser: argparse.ArgumentParser) -> None:
         default=FIRST_SEED,
         help="seed of the bars, which also determines a family's job (default: %(default)s)",
     )
-    parser.add_argument(
-        "--fps",
-        type=positive,
-        default=30,
-        metavar="N",
-        help="steps per second (default: %(default)s)",
-    )
 
 
 @exits(Error)
@@ -345,7 +338,7 @@ def play_by_hand(options: argparse.Namespace) -> int:
         match = match_on_task(options.env, options.seed)
     else:
         match = match_on_family(options.family, options.seed)
-    game = Game(match, options.fps)
+    game = Game(match)
     try:
         while game.advance():
             pass

@@ -191,10 +191,6 @@ def _pip(constraints: str) -> str:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Build, install and play; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m tools.wheel", **described(__doc__))
-    pins = "file of pinned versions (default: that of the clone)"
-    parser.add_argument(
-        "--constraints", type=Path, default=ROOT / "packaging" / "constraints.txt", help=pins
-    )
     parser.add_argument(
         "--python",
         nargs="+",
@@ -202,7 +198,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         help="interpreters to test (default: this one)",
     )
     parsed = parser.parse_args(arguments)
-    constraints = parsed.constraints.read_text("utf-8")
+    constraints = (ROOT / "packaging" / "constraints.txt").read_text("utf-8")
     _pip(constraints)
     for python in parsed.python:
         if shutil.which(python) is None:

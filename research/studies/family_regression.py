@@ -1,7 +1,7 @@
 """Fit constant speeds and feeds to the context of a family's jobs, and compare with one constant.
 
     python -m research.studies.family_regression shop
-    python -m research.studies.family_regression shop --jobs 64 --penalties 1
+    python -m research.studies.family_regression shop --jobs 64
 
 Every job is played with a grid of shares of the nominal optimum's speed and feed. A law gives the
 logarithms of both shares, linear in the numbers that the family shows of the nominal model:
@@ -182,7 +182,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     add = parser.add_argument
     add("family", help="the family's preset or TOML file")
     add("--jobs", type=positive, default=1024, help="training jobs (default: %(default)s)")
-    add("--penalties", type=float, nargs="+", default=PENALTIES, metavar="NUMBER")
     options = parser.parse_args(arguments)
     if options.jobs < FOLDS:
         raise ValueError(f"--jobs is {options.jobs}, but must be {FOLDS} or more")
@@ -193,7 +192,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     constants = best_constants(returns)
     bootstrap = Bootstrap(options.jobs)
     rows = [{"Penalty": "one pair of shares", "Return [s]": f"{constants.mean():.0f}"}]
-    for penalty in options.penalties:
+    for penalty in PENALTIES:
         earned = cross_validated(context, returns, penalty)
         leads = earned - constants
         lead = Estimate.of(leads.mean(), bootstrap.means(leads[np.newaxis], ""))

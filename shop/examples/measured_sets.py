@@ -7,8 +7,7 @@
 
 The argument is a file, a folder or a URL of the set as published; shop/docs/measured_data.md names
 the sources. For H13, the folder holds Exp1.csv, Exp2.csv and Prep.csv; for the papers, it is
-``Arquivos/Dados`` of its repository. Files may be compressed by
-xz. ``--sheets FOLDER`` writes the sheets of cuts, for use with ``calibrate`` and ``predict``.
+``Arquivos/Dados`` of its repository. Files may be compressed by xz.
 
 The results are a table of the predictions, and how loads grow with wear:
 
@@ -422,11 +421,6 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description="fit the laws to a public set, and predict it")
     parser.add_argument("name", choices=SETS)
     parser.add_argument("source", help="file, folder (h13) or URL")
-    parser.add_argument("--sheets", type=Path, help="folder for the sheets of cuts")
     options = parser.parse_args()
-    if options.sheets:
-        options.sheets.mkdir(parents=True, exist_ok=True)
-        main(options.name, options.source, options.sheets)
-    else:
-        with tempfile.TemporaryDirectory() as temporary:
-            main(options.name, options.source, Path(temporary))
+    with tempfile.TemporaryDirectory() as temporary:
+        main(options.name, options.source, Path(temporary))

@@ -1,7 +1,7 @@
 """Measure how long part programs of several kinds take to read and play, by their number of moves.
 
     python -m shop.examples.program_times
-    python -m shop.examples.program_times --moves 1000 10000 --kinds passes contour --adapt words
+    python -m shop.examples.program_times --adapt words
 
 It prints a Markdown table: seconds of processor time, also for each 1,000 straight moves (arcs are
 run as chords), and the highest memory of the process so far. The time must grow in proportion to
@@ -31,6 +31,7 @@ if sys.platform != "win32":
     import resource
 
 STOCK = "bar:60x200"
+MOVES = (1_000, 10_000)  # lengths of the programs
 LENGTH = 150.0  # of the turned part [mm]
 HEAD = "G21 G99 T0101\nG50 S3000\nG96 S150 M3\nG0 X62. Z2.\n"
 
@@ -164,29 +165,16 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         prog="python -m shop.examples.program_times", **described(__doc__)
     )
-    parser.add_argument(
-        "--moves",
-        nargs="+",
-        type=int,
-        default=[1_000, 10_000],
-        metavar="N",
-        help="default: 1000 10000",
-    )
-    parser.add_argument(
-        "--kinds", nargs="+", choices=tuple(KINDS), default=tuple(KINDS), help="default: all"
-    )
     parser.add_argument("--adapt", choices=("words", "blocks"), help="also adapt feeds and speeds")
     options = parser.parse_args(arguments)
-    if min(options.moves) < 10:
-        parser.error("--moves must be 10 or more")
     scenario = Scenario.load("rough_turning")
     print(
         "| Program | Straight moves | Time [s] | Per 1,000 moves [s] | Memory [MB] |\n"
         "|---|---|---|---|---|"
     )
-    for kind in options.kinds:
-        for moves in options.moves:
-            count, seconds = measure(KINDS[kind](moves), scenario, options.adapt)
+    for kind, program in KINDS.items():
+        for moves in MOVES:
+            count, seconds = measure(program(moves), scenario, options.adapt)
             print(
                 f"| {kind} | {count:,} | {seconds:.1f} "
                 f"| {1000.0 * seconds / count:.2f} | {highest_memory()} |",
