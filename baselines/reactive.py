@@ -125,6 +125,7 @@ class Reactive(SelfTuning):
         self._window.observe(reading)
         scenario = self._scenario
         criterion = scenario.tool.wear_criterion
+        # A fresh edge begins its cutting time at 0; the one before it has just been inspected.
         fresh = reading.cutting_time < self._cutting_time
         if fresh.any():
             removed_wear = np.maximum(reading.removed_wear, MIN_WEAR * criterion)

@@ -225,6 +225,11 @@ class Game:
         self.rule.step(actions[0])
 
     def _action(self) -> NDArray[np.float64]:
+        """Return the action of the keys that are held.
+
+        Actions that change speed and feed last while a key is held; others are levels, which keys
+        move and which stay.
+        """
         keyboard = self._keyboard
         feed = keyboard.direction("up", "down")
         directions = np.array([feed])

@@ -241,8 +241,15 @@ class LoadFilter:
 
     @property
     def wear_errors(self) -> WearErrors:
-        """Expected errors of the law of wear."""
-        lot = self.mean[:, LOT]
+        """Expected errors of the law of wear.
+
+        With the errors v and s of the exponents, which count from the speed V0 and the feed f0:
+
+            log wear / nominal wear = lot + v log(V / V0) + s log(f / f0)
+
+        The record holds its value at V = f = 1.
+        """
+        lot = self.mean[:, LOT]  # log wear factor of all edges of the job
         speed_error = self.mean[:, WEAR_SPEED]
         feed_error = self.mean[:, WEAR_FEED]
         log_speed = self.parameters["reference_log_speed"]

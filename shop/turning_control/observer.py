@@ -231,6 +231,11 @@ class Observer:
         self._wearing_feed = np.zeros(num_envs)
 
     def _set_models(self, num_envs: int) -> None:
+        """Set the models of power and thrust force.
+
+        The filter's state of the edge is the log of its force over the nominal one. Wear raises the
+        log of power in proportion, by the ratio of both exponents of wear.
+        """
         material = self._scenario.material
         sensors = self._scenario.sensors
         wear_exponent_ratio = 0.0

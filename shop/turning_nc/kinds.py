@@ -172,7 +172,10 @@ class ToolUse:
             return
         self._watch_cut(move.path)
         self._watch_way_back(move.path, after.path.end.z, after.path.end.x)
-        cycle = move.finishes or (move.line if move.cycle_pass else 0)
+        # The line of the cycle to whose contour the move belongs; 0 if there is none.
+        cycle = move.finishes
+        if move.cycle_pass:
+            cycle = move.line
         if cycle in sides:
             self.cycle_sides.add(sides[cycle].name)
 

@@ -345,6 +345,10 @@ class _SpeedChoice:
         return self._cuts.sums(speeds_of_cuts)
 
     def _among_coarse(self, values: Values, prices: Values) -> Values:
+        """Return the best of the numbers at wide steps, for each speed word.
+
+        The sums stay the same from call to call, unless other words change them.
+        """
         steps = np.arange(self._low, self._high + 1e-9, self._step)
         candidates = np.unique(np.rint(steps))
         sums = self._coarse_sums
@@ -358,6 +362,10 @@ class _SpeedChoice:
         return np.asarray(candidates[cheapest])
 
     def _among_fine(self, around: Values, values: Values, prices: Values) -> Values:
+        """Return the best of all numbers within a wide step of ``around``, for each speed word.
+
+        The sums are kept for the next call, which often has the same candidates.
+        """
         reach = math.ceil(self._step)
         changes = np.arange(-reach, reach + 1.0)
         candidates = around + changes[:, np.newaxis]

@@ -260,7 +260,10 @@ def best_rule(scenario: Scenario, played: Scenario) -> PolicySpec:
 
 
 def clocked(scenario: Scenario, plan: PartPlan) -> Scenario:
-    """Return the scenario with episodes as long as a plan uses an edge."""
+    """Return the scenario in which fixed parameters play: episodes as long as a plan uses an edge.
+
+    Nothing is decided meanwhile, so steps of about ``CLOCK_INTERVAL`` save time.
+    """
     # Plain bars have no return between them in the simulation.
     minutes = float(plan.parts * (plan.cycle_time - scenario.machine.return_time))
     interval = min(CLOCK_INTERVAL, 60.0 * minutes)

@@ -411,7 +411,7 @@ def _warn_of_breakage(scenario: Scenario, cuts: whatif.Cuts) -> None:
 
 
 def _add_whatif_options(parser: argparse.ArgumentParser) -> None:
-    _add_nose_radius(parser)
+    _add_surface_options(parser)
     add_units(parser)
     parser.add_argument(
         "--cutting-speed",
@@ -533,7 +533,7 @@ def _add_map_options(parser: argparse.ArgumentParser) -> None:
         metavar="X",
         help="hardness over nominal [-], or such as 300HB or 32HRC (default: 1)",
     )
-    _add_nose_radius(parser)
+    _add_surface_options(parser)
     add_units(parser)
     add(
         "--out",
@@ -873,7 +873,7 @@ def _add_advise_options(parser: argparse.ArgumentParser) -> None:
         "scenario", nargs="?", metavar="SCENARIO", help="preset or TOML file with laws"
     )
     _add_catalogue_options(parser)
-    _add_nose_radius(parser)
+    _add_surface_options(parser)
     add_units(parser)
     add = parser.add_argument
     add(
@@ -937,7 +937,8 @@ def _number(column: str) -> Callable[[str], float]:
     return number_within(allowed.low, allowed.high, unit=allowed.unit)
 
 
-def _add_nose_radius(parser: argparse.ArgumentParser) -> None:
+def _add_surface_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options that limit the feed for the surface's sake."""
     parser.add_argument(
         "--nose-radius",
         type=number_within(0.05, 10.0, unit="mm"),

@@ -66,6 +66,7 @@ class Units:
         return sentence if self.is_metric else self._quantity.sub(self._rewritten, sentence)
 
     def _rewritten(self, match: re.Match[str]) -> str:
+        """Return a quantity of a sentence in these units; see ``text``."""
         unit = self.unit(match["unit"])
 
         def shown(group: str) -> str:

@@ -169,6 +169,7 @@ class BarView:
     def _draw_allowance(
         self, sheet: Image.Image, xs: list[float], metal: BarMetal, uncut: bool
     ) -> None:
+        """Draw the profile of the allowance: filled where it is uncut, else as a faint line."""
         draw = ImageDraw.Draw(sheet)
         outline = []
         for x, depth in zip(xs, metal.depth.tolist(), strict=True):

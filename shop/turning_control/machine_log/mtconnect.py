@@ -454,6 +454,7 @@ def _add(found: dict[str, Item], component: Component, wanted: Sequence[Wanted])
 
 
 def _item(quantity: str, component: Component, item: Element, default_unit: str) -> Item:
+    """Return what to read of a data item; without a default, its quantity has no unit."""
     unit = ""
     factor = 1.0
     if default_unit:

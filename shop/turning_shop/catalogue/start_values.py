@@ -325,6 +325,7 @@ def _between(low: float, high: float, share: float) -> float:
 
 
 def _assumptions(group: Group, grade: Grade, below: StartValue, above: StartValue) -> list[str]:
+    """Return what is assumed if no start value is known of a grade, or of grades about as tough."""
     assumptions = []
     nearest = min(max(grade.number, below.grade), above.grade)
     if grade.letter != group.letter:
