@@ -190,6 +190,7 @@ class ForceEstimator:
     def update(self, reading: Reading) -> ForceAndFeed:
         """Return the estimate after the next reading, of ``delay`` samples ago."""
         turns_per_minute = reading.cutting_speed * self._parameters.revolutions_per_metre[0]
+        # The chip forms with a lag behind the feed; the first sample of a cut has none.
         has_begun = self._smoother.count[:, 0] > 0
         remains = self._remains * has_begun
         self._chip_feed = reading.feed - remains * (reading.feed - self._chip_feed)

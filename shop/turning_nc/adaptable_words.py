@@ -155,8 +155,20 @@ class AdaptableWords:
             )
         self.given_feeds: dict[int, float] = {}
         self.highest_feeds: dict[int, float] = {}
+        self._hold_feeds(finishing, lawless, is_overloaded)
+
+    def _hold_feeds(self, finishing: Finishing, lawless: Mask, is_overloaded: Mask) -> None:
+        """Keep the programmed feeds that no law or the surface forbids to change.
+
+        The feed of a surface may fall where it exceeds a limit.
+
+        Args:
+            finishing: finds the slices that make the surface.
+            lawless: slices of tools, threads and drills without a law.
+            is_overloaded: slices that exceed a limit before the change.
+        """
         for word, slices in self.slices_of_feed.items():
-            programmed = float(situation.feed[slices].max())
+            programmed = float(self._situation.feed[slices].max())
             if lawless[slices].any():
                 self.given_feeds[word] = programmed
             elif finishing.is_finishing(slices):

@@ -47,11 +47,11 @@ def contour_of(control: Control, lines: ContourLines) -> list[Path]:
 
 
 def _returns(paths: list[Path]) -> bool:
-    """Return whether the last path leads back towards the first."""
+    """Return whether the last path leads back towards the begin of the contour."""
+    begin = paths[1].start  # the first path leads to the contour
     # The corner between the contour and the last path.
     turn = paths[-1].start
     end = paths[-1].end
-    begin = paths[1].start
     back_z = end.z - turn.z
     back_x = end.x - turn.x
     way_z = turn.z - begin.z

@@ -451,7 +451,9 @@ def _check_side(moves: Moves, line: int, left: Metal) -> None:
         return
     radius = abs(side.start[1])
     low, high = side.reach
-    metal_within = left.area_within(low, 0.0, high_z=high, high_x=0.9 * radius)
+    # A cycle that turns inside needs a hole: most of the bar well within its start must be gone.
+    core = 0.9 * radius
+    metal_within = left.area_within(low, 0.0, high_z=high, high_x=core)
     begin = f"line {line}: the cycle turns {side.name} from X{2.0 * radius:g} mm, {side.why}"
     if side.name == "outside":
         metal_beyond = left.area_within(low, radius, high_z=high, high_x=FAR)
@@ -460,7 +462,7 @@ def _check_side(moves: Moves, line: int, left: Metal) -> None:
                 f"{begin}, but the stock has metal beyond it alone: give another; "
                 f"or set --side {line}=inside"
             )
-    elif metal_within > 0.45 * radius * (high - low):
+    elif metal_within > 0.5 * core * (high - low):
         raise NcError(
             f"{begin}, but the stock has no hole there: give a tube, or the drill as "
             f"--tool NAME=drill:DIAMETER; or set --side {line}=outside"
