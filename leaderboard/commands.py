@@ -13,7 +13,7 @@ from pathlib import Path
 
 from leaderboard import game, maintenance, run_command, score_command, table, verify
 from leaderboard.ranking import read_leaderboards
-from leaderboard.report import PAGE, notify_left_out, print_tables, write_page
+from leaderboard.report import PAGE, notify_left_out, print_all, write_page
 from leaderboard.result import ResultError
 from leaderboard.shared_options import (
     SPLITS_ENV_ID,
@@ -111,7 +111,7 @@ def _show(options: argparse.Namespace) -> None:
     if options.json:
         print_json(table.as_data(leaderboards))
     else:
-        print_tables(leaderboards, table.render)
+        print_all(leaderboards)
     notify_left_out(leaderboards)
     if not options.all and len(result_folders(options.results)) > 1:
         print("--all prints the other leaderboards", file=sys.stderr)

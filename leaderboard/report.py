@@ -1,7 +1,7 @@
 """What commands that rank print, and the page that they write."""
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from leaderboard import table
@@ -12,15 +12,22 @@ from turning_env.files import write_file
 PAGE = "index.html"
 
 
-def print_tables(
-    leaderboards: Sequence[Leaderboard], text_of: Callable[[Leaderboard], str]
-) -> None:
-    """Print rankings, and costs over splits if there are any."""
+def print_all(leaderboards: Sequence[Leaderboard]) -> None:
+    """Print all numbers of leaderboards, and costs over splits if there are any."""
     for leaderboard in leaderboards:
-        print(text_of(leaderboard) + "\n")
+        print(table.render(leaderboard) + "\n")
     across = table.across(leaderboards)
     if across is not None:
         print(table.render_across(across) + "\n")
+
+
+def print_one_table(leaderboards: Sequence[Leaderboard]) -> None:
+    """Print costs over splits if there are any, and otherwise the ranking of the first task."""
+    across = table.across(leaderboards) if len(leaderboards) > 1 else None
+    if across is not None:
+        print(table.render_across(across) + "\n")
+    else:
+        print(table.ranking_table(leaderboards[0]) + "\n")
 
 
 def notify_left_out(leaderboards: Sequence[Leaderboard]) -> None:

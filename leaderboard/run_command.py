@@ -13,7 +13,7 @@ from leaderboard import policies, run, table
 from leaderboard.agents.agent_file import NAME
 from leaderboard.family import family_task
 from leaderboard.ranking import Leaderboard, read_leaderboards
-from leaderboard.report import PAGE, notify_left_out, print_tables, write_page
+from leaderboard.report import PAGE, notify_left_out, print_one_table, write_page
 from leaderboard.result import ResultError, Task, result_folder, shipped_seeds, start_results
 from leaderboard.seeds import held_out_seeds
 from leaderboard.shared_options import (
@@ -143,7 +143,7 @@ def add_to(commands: Any) -> None:
 
 
 def run_policies(options: argparse.Namespace) -> None:
-    """Play policies on held-out seeds, print the ranking and write the page. Existing results stay.
+    """Play policies on held-out seeds, print one table and write the page. Existing results stay.
 
     Results of agents are named after their files: team1.onnx, or team1-seed3.onnx for one of
     several training seeds. An agent that is refused or fails stops no other: the command lists the
@@ -295,16 +295,16 @@ def _report(
     runs: Sequence[run.TaskRun],
     options: argparse.Namespace,
 ) -> None:
-    """Print the rankings that were played and write the page of all.
+    """Print one table of what was played and write the page of all rankings.
 
-    The last lines say where the agents stand, what prints all numbers, and where the page is.
+    The last lines say where the agents stand, what prints the rest, and where the page is.
     """
     digests = {task_run.task.digest for task_run in runs}
     played = [leaderboard for leaderboard in leaderboards if leaderboard.task.digest in digests]
     if options.json:
         print_json(table.as_data(played))
     else:
-        print_tables(played, table.ranking_table)
+        print_one_table(played)
     notify_left_out(played)
     path = options.results / PAGE
     write_page(leaderboards, path)
@@ -314,7 +314,8 @@ def _report(
         lines = table.agent_places(leaderboard, labels) + table.same_returns(leaderboard, labels)
         for line in lines:
             print(line, file=notes)
-    print(f"all numbers: {_show_command(options.results, played)}", file=notes)
+    rest = "all numbers" if len(played) == 1 else f"all {len(played)} rankings"
+    print(f"{rest}: {_show_command(options.results, played)}", file=notes)
     print(f"wrote {path}", file=notes)
 
 
@@ -326,6 +327,9 @@ def _show_command(results: Path, leaderboards: Sequence[Leaderboard]) -> str:
         words += ["--env", task.env_id, "--scenario", task.scenario.name]
     else:
         words.append("--all")
+        env_ids = {leaderboard.task.env_id for leaderboard in leaderboards}
+        if len(env_ids) == 1:
+            words += ["--env", *env_ids]
     return shlex.join(words)
 
 

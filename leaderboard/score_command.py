@@ -44,7 +44,7 @@ def add_to(commands: Any) -> None:
         "--split",
         choices=get_args(Split),
         default="held_out",
-        help="validation: seeds for choices, with a score and no rank (default: %(default)s)",
+        help="validation: seeds for choices, which few policies have played (default: %(default)s)",
     )
     parser.add_argument(
         "--agent-time",
@@ -62,7 +62,7 @@ def score_policy(options: argparse.Namespace) -> int:
 
     The score is 0 for the best fixed speed and feed, and 100 for causal, an oracle that sees the
     hidden state. Brackets hold 95 % intervals. While you develop, play the seeds of --split
-    validation, which have a score but no ranking.
+    validation: they give a score, and a rank among the few policies that have played them.
 
     A policy is an ONNX file or an object in a module. The object may be a function of observations,
     a class with reset and act, a model of Stable-Baselines3 or a module of PyTorch. It runs in this

@@ -1,6 +1,6 @@
 """Score a policy in one line: play it on the held-out seeds and rank it among shipped results.
 
-While you develop, score on the validation seeds, which have a score but no ranking.
+While you develop, score on the validation seeds, which few shipped policies have played.
 """
 
 import json
@@ -135,16 +135,27 @@ class Score:
 
         Feasible policies are first, then those of higher mean return, as in ``leaderboard run``.
         There is none if ``warning`` says why, or on validation seeds, which few policies have
-        played.
+        played: see ``validation_rank``.
         """
         if self.split == "validation" or not self._ranked_others():
             return None
         return self.standing.rank
 
     @property
+    def validation_rank(self) -> int | None:
+        """Rank on validation seeds among the few policies that have played them.
+
+        None on held-out seeds, or if there is no rank.
+        """
+        if self.split == "held_out" or not self._ranked_others():
+            return None
+        return self.standing.rank
+
+    @property
     def ranked(self) -> int:
-        """Number of ranked policies, including this one if it has a rank."""
-        return len(self._ranked_others()) + (self.rank is not None)
+        """Number of ranked policies on these seeds, including this one if it has a rank."""
+        has_rank = self.rank is not None or self.validation_rank is not None
+        return len(self._ranked_others()) + has_rank
 
     @property
     def mean_return(self) -> Estimate:
@@ -258,11 +269,19 @@ class Score:
             lines.append(f"no rank: {self.warning}")
         if self.split == "held_out":
             lines.append(HELD_OUT_NOTICE)
-        elif self.others:
-            lines.append(VALIDATION_NOTICE)
         else:
-            lines.append(UNCOMPARED_NOTICE)
+            lines.append(self._validation_notice())
         return "\n".join(lines)
+
+    def _validation_notice(self) -> str:
+        """Return the rank on validation seeds, or that there is none."""
+        if not self.others:
+            return f"{VALIDATION_NOTICE}; no rank: no policy that ships has played them all"
+        if self.validation_rank is None:
+            return VALIDATION_NOTICE
+        others = " and ".join(other.name for other in self._ranked_others())
+        place = f"rank {self.validation_rank} of {self.ranked} on them, with {others}"
+        return f"{VALIDATION_NOTICE}; {place}; the leaderboard ranks on held-out seeds"
 
     def rival(self) -> Standing | None:
         """Return the policy with which the line of a score compares.
@@ -299,6 +318,7 @@ class Score:
             "split": self.split,
             "seeds": self.seeds,
             "rank": self.rank,
+            "validation_rank": self.validation_rank,
             "ranked": self.ranked,
             "mean_return": self.mean_return,
             "score": self.score,
@@ -327,8 +347,7 @@ class Score:
 HELD_OUT_NOTICE = (
     'held-out seeds: score on them once, at the end; split="validation" is for choices'
 )
-VALIDATION_NOTICE = "validation seeds: for choices; ranks are on the held-out seeds"
-UNCOMPARED_NOTICE = "validation seeds: for choices; no policy that ships has played them all"
+VALIDATION_NOTICE = "validation seeds: for choices"
 
 
 def _note(standing: Standing) -> str:
@@ -379,7 +398,7 @@ def score(
         family: preset of a family, if ``env_id`` is the family's; None: ``DEFAULT_FAMILY``.
         limits: limits of time and memory of an ONNX file's process.
         split: "held_out", or "validation" for seeds that only the best fixed speed and feed, the
-            best rule and the oracle have played: there is a score, and no rank.
+            best rule and the oracle have played: there is a score, and a rank among these.
 
     Raises:
         TypeError: if the policy is none of these.

@@ -277,6 +277,8 @@ def test_a_family_of_ones_own_is_played_and_ranked_on_its_splits(
         assert {standing["name"] for standing in board["standings"]} == PLAYED
     for name in PLAYED:
         assert name in own_run.printed
+    assert own_run.printed.count("ranked by") == 1
+    assert f"all {len(SPLITS)} rankings: " in own_run.printed
 
 
 @pytest.mark.slow

@@ -199,6 +199,9 @@ def test_splits_are_played_by_what_was_tuned_for_the_scenario(
     _, _, head, first, *_ = table.splitlines()
     assert head.split() == ["policy", "rough_turning", *splits]
     assert first.split()[0] == "fixed_tuned"
+    # This is the only table, and a command prints the rankings.
+    assert "ranked by" not in printed
+    assert f"all 3 rankings: python -m leaderboard show --results {results} --all" in printed
 
 
 def test_other_ids_have_no_splits(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

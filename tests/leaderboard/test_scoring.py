@@ -243,7 +243,7 @@ def full_override(observations: Any) -> Any:
     return np.ones((len(observations), 1), np.float32)
 
 
-def test_validation_plays_the_tuning_seeds_and_ranks_nothing() -> None:
+def test_validation_plays_the_tuning_seeds_and_has_no_rank_on_the_leaderboard() -> None:
     scored = score(full_override, OVERRIDE, seeds=2, split="validation")
     expected = play(as_factory(full_override), Scenario.load("override"), tuning_seeds(2))
     assert scored.episodes["return"].tolist() == expected["return"].tolist()
@@ -265,6 +265,26 @@ def test_validation_scores_between_the_ends_and_compares_with_the_best_rule() ->
     assert sorted(names) == ["->", "causal", "constant_power_lead", "override_tuned"]
     assert names[0] == best.name
     assert names[-1] == "causal"
+
+
+def test_a_validation_score_has_a_rank_among_those_on_these_seeds() -> None:
+    rule = spec("one_line_law", Scenario.load("override"))
+    scored = score(rule, OVERRIDE, seeds=4, split="validation")
+    assert scored.rank is None
+    assert scored.validation_rank == 2
+    assert "rank 2 of 3 on them, with constant_power_lead and override_tuned" in str(scored)
+    assert scored.numbers()["validation_rank"] == 2
+
+
+def test_a_validation_score_says_that_it_has_no_rank() -> None:
+    without_others = score(full_override, OVERRIDE, VALIDATION_SEEDS + 1, split="validation")
+    assert without_others.validation_rank is None
+    assert "no rank: no policy that ships has played them all" in str(without_others)
+    # On Paper, leaderboards rank rules alone.
+    learned = score(full_feed, PAPER, seeds=2, split="validation")
+    assert learned.validation_rank is None
+    assert "no rank: the leaderboard ranks rules only" in str(learned)
+    assert "on them" not in str(learned)
 
 
 def test_more_validation_seeds_than_have_been_played_are_compared_with_nothing() -> None:
