@@ -144,6 +144,7 @@ def test_advice_lies_within_makers_ranges(maker: Maker, machine: str) -> None:
 
 SUMITOMO = "Sumitomo 2019-2020, p. 13"
 DGI = "DGI Supply, turning, p. 5, ft/min over feeds of 0.004 to 0.02 inch"
+HANDBOOK = "Carvill, Mechanical Engineer's Data Handbook, p. 191, carbide, rough to fine"
 ISCAR = "ISCAR 2022, milling, IC808, as a ratio to that row"
 
 
@@ -168,6 +169,9 @@ ROWS = (
     Row("M14", "M25", (80, 180), (0.1, 0.4), "Kyocera 2016-2017, p. 214, up to 220 HB"),
     Row("M14D", "M15", (80, 150), (0.1, 0.2), "Kyocera 2016-2017, p. 214, up to 300 HB"),
     Row("M14D", "M25", (80, 120), (0.1, 0.2), "Kyocera 2016-2017, p. 214, up to 300 HB"),
+    # At most as fast as stainless steel of 300 HB.
+    Row("M14P", "M15", (75, 150), (0.1, 0.2), "Kyocera 2016-2017, p. 214, up to 300 HB"),
+    Row("M14P", "M25", (75, 120), (0.1, 0.2), "Kyocera 2016-2017, p. 214, up to 300 HB"),
     Row("K15 K16", "K15", (180, 450), (0.1, 0.5), "Sumitomo 2019-2020, p. 16: AC4015K"),
     Row("K15 K16", "K20", (150, 300), (0.1, 0.6), "Sumitomo 2019-2020, p. 16: AC420K"),
     Row("K17", "K25", (149, 270), (0.1, 0.5), f"{DGI}: K2, 885 to 490"),
@@ -176,7 +180,9 @@ ROWS = (
     Row("K20", "K25", (156, 284), (0.1, 0.5), f"{DGI}: K2; {ISCAR}, 1.05"),
     Row("N21 N22 N23 N24", "N15", (200, 500), (0.1, 0.4), f"{DGI}: N2, 1640 to 655"),
     Row("N25", "N15", (122, 300), (0.1, 0.4), f"{DGI}: N3, 985 to 400"),
-    Row("N26 N27 N28", "N15", (270, 390), (0.1, 0.4), f"{DGI}: N4, 1280 to 885"),
+    Row("N26", "N15", (270, 390), (0.1, 0.4), f"{DGI}: N4, 1280 to 885"),
+    Row("N27", "N15", (120, 360), (0.1, 0.4), f"{HANDBOOK}: brass"),
+    Row("N28", "N15", (120, 300), (0.1, 0.4), f"{HANDBOOK}: bronze"),
     Row("S31 S32", "S15", (70, 101), (0.1, 0.3), f"{DGI}: S1, 330 to 230"),
     Row("S33 S34 S35", "S15", (35, 61), (0.1, 0.3), f"{DGI}: S3, 200 to 115"),
     Row("S36 S37", "S15", (30, 90), (0.1, 0.3), "Kyocera 2021-2022, p. 301; Machining Doctor"),
@@ -306,6 +312,7 @@ def test_measured_forces_lie_in_the_catalogues_intervals(cut: Cut) -> None:
         ("6061", "N22"),
         ("Cast Iron", "K15"),
         ("brass", "N27"),
+        ("17-4PH", "M14P"),
     ],
 )
 def test_a_material_is_found_by_group_number_and_name(text: str, group: str) -> None:

@@ -89,6 +89,9 @@ _ROWS = (
     ("P13", "stainless steel, martensitic, quenched and tempered", 240, 1875, 0.21),
     ("M14", "stainless steel, austenitic", 180, 2150, 0.20),
     ("M14D", "stainless steel, duplex", 260, 2360, 0.20),
+    # As delivered, 277 HB (H1150) to 363 HB (solution annealed) by ASTM A564. The force is that of
+    # P13 by the law of hardness.
+    ("M14P", "stainless steel, precipitation hardening, as delivered", 330, 2030, 0.21),
     ("K15", "grey cast iron, ferritic or pearlitic", 180, 1150, 0.20),
     ("K16", "grey cast iron, pearlitic or martensitic", 260, 1350, 0.28),
     ("K17", "nodular cast iron, ferritic", 160, 1225, 0.25),

@@ -76,7 +76,6 @@ P12 1.4005 X12CrS13 416 SUS416
 P12 1.4021 X20Cr13 420 SUS420J1
 P12 1.4034 X46Cr13 SUS420J2
 P12 1.4057 X17CrNi16-2 431 SUS431
-P13 1.4542 X5CrNiCuNb16-4 17-4PH 630 SUS630
 M14 1.4301 X5CrNi18-10 304 SUS304 V2A
 M14 1.4307 X2CrNi18-9 304L SUS304L
 M14 1.4305 X8CrNiS18-9 303 SUS303
@@ -88,6 +87,7 @@ M14 1.4539 X1NiCrMoCu25-20-5 904L
 M14D 1.4462 X2CrNiMoN22-5-3 2205 318LN SUS329J3L S32205
 M14D 1.4362 X2CrNiN23-4 2304 S32304
 M14D 1.4410 X2CrNiMoN25-7-4 2507 S32750
+M14P 1.4542 X5CrNiCuNb16-4 17-4PH 630 SUS630
 K15 0.6015 GG15 EN-GJL-150 GJL-150 FC150
 K15 0.6020 GG20 EN-GJL-200 GJL-200 FC200 FC20
 K15 0.6025 GG25 EN-GJL-250 GJL-250 FC250 CLASS35
@@ -200,6 +200,6 @@ def _what_is_near(plain: str) -> str:
     return (
         f"this material is not in the table; {meant} "
         "its group of VDI 3323, as in catalogues of inserts: P1 to P13 steel, M14 "
-        "austenitic and M14D duplex stainless, K15 to K20 cast iron, N21 to N28 aluminium and "
-        "copper, S31 to S37 heat-resistant alloys and titanium"
+        "austenitic, M14D duplex and M14P precipitation hardening stainless, K15 to K20 cast "
+        "iron, N21 to N28 aluminium and copper, S31 to S37 heat-resistant alloys and titanium"
     )

@@ -57,6 +57,7 @@ _SUMITOMO_STEEL = "Sumitomo general catalogue 2019-2020, p. 13"
 _SUMITOMO_IRON = "Sumitomo general catalogue 2019-2020, p. 16"
 _KYOCERA = "Kyocera catalogue 2016-2017, p. 214"
 _DGI = "DGI Supply, recommended starting speeds for turning, p. 5, range over feeds"
+_HANDBOOK = "Carvill, Mechanical Engineer's Data Handbook, p. 191"
 _TITANIUM = "Machining Doctor, Ti-6Al-4V (70 to 90 m/min), and Kyocera 2021-2022, p. 301 (50 m/min)"
 _RATIO = "times the ratio of ISCAR's milling speeds, catalogue 2022, IC808"
 
@@ -103,7 +104,15 @@ _PEARLITIC_NODULAR = (StartValue(25, Range(122, 149, 200), 0.3, 2.0, _DGI + ", K
 # 500 for all aluminium: the safer row is that of 6061.
 _ALUMINIUM = (StartValue(15, Range(200, 300, 500), 0.2, 2.0, _DGI + ", N425"),)
 _SILICON_ALUMINIUM = (StartValue(15, Range(122, 200, 300), 0.2, 2.0, _DGI + ", N425"),)
-_COPPER = (StartValue(15, Range(270, 320, 390), 0.2, 2.0, _DGI + ", N425"),)
+_FREE_CUTTING_BRASS = (StartValue(15, Range(270, 320, 390), 0.2, 2.0, _DGI + ", N425"),)
+# DGI Supply has 270 to 390 m/min for all copper alloys, Kyocera (2021-2022, p. 301) 100 to 200 for
+# bars below 16 mm: the handbook is between them, and is the safer one for other than small bars.
+_BRASS = (StartValue(15, Range(120, 240, 360), 0.2, 2.0, _HANDBOOK + ", brass, rough to fine"),)
+_COPPER = (
+    StartValue(
+        15, Range(120, 200, 300), 0.2, 2.0, _HANDBOOK + ", bronze and copper, rough to fine"
+    ),
+)
 _IRON_BASED = (StartValue(15, Range(70, 85, 101), 0.2, 2.0, _DGI + ", S515"),)
 _NICKEL_BASED = (StartValue(15, Range(35, 46, 61), 0.2, 2.0, _DGI + ", S515"),)
 _TITANIUM_ALLOY = (StartValue(15, Range(50, 70, 90), 0.2, 1.0, _TITANIUM),)
@@ -133,6 +142,12 @@ _ANNEALED = {
     "P12": _scaled(_ALLOY_STEEL, 0.93),
     "M14": _STAINLESS,
     "M14D": _DUPLEX,
+    "M14P": _scaled(
+        # Kyocera's row is for all stainless steel of up to 300 HB.
+        _DUPLEX,
+        speed_factor(GROUPS["M14P"].hardness, nominal=300.0),
+        "for 330 in place of 300 HB",
+    ),
     **dict.fromkeys(("K15", "K16"), _GREY_IRON),
     "K17": _FERRITIC_NODULAR,
     "K18": _PEARLITIC_NODULAR,
@@ -140,7 +155,9 @@ _ANNEALED = {
     "K20": _scaled(_FERRITIC_NODULAR, 1.05),
     **dict.fromkeys(("N21", "N22", "N23", "N24"), _ALUMINIUM),
     "N25": _SILICON_ALUMINIUM,
-    **dict.fromkeys(("N26", "N27", "N28"), _COPPER),
+    "N26": _FREE_CUTTING_BRASS,
+    "N27": _BRASS,
+    "N28": _COPPER,
     **dict.fromkeys(("S31", "S32"), _IRON_BASED),
     **dict.fromkeys(("S33", "S34", "S35"), _NICKEL_BASED),
     **dict.fromkeys(("S36", "S37"), _TITANIUM_ALLOY),
@@ -163,7 +180,7 @@ def _start_values() -> dict[str, tuple[StartValue, ...]]:
 START_VALUES = _start_values()
 """Start values of each group of VDI 3323, in the order of their grades."""
 _FEEDS = {"M": (0.1, 0.4), "N": (0.1, 0.4), "S": (0.1, 0.3)}
-_FEEDS_OF_GROUP = {"M14D": (0.1, 0.2)}
+_FEEDS_OF_GROUP = {"M14D": (0.1, 0.2), "M14P": (0.1, 0.2)}
 FEEDS_SOURCE = "Kyocera 2016-2017, p. 214, for M; DGI Supply for N and S"
 
 
