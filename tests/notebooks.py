@@ -3,12 +3,11 @@
 import json
 import os
 import re
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
-from tests.walking import ROOT
+from tests import preloaded
+from tests.walking import MAX_SECONDS, ROOT
 
 
 def code_cells(path: Path) -> list[dict[str, Any]]:
@@ -49,15 +48,16 @@ def script(cells: list[dict[str, Any]]) -> str:
 
 def run(path: Path, folder: Path) -> None:
     """Run a notebook in a folder, from the cell after the installation to the last."""
-    python_folder = str(Path(sys.executable).parent)
-    variables = os.environ | {
-        "PATH": os.pathsep.join((python_folder, os.environ["PATH"])),
+    programs = folder / "programs"
+    programs.mkdir()
+    preloaded.write_stand_in(programs / "python", MAX_SECONDS)
+    variables = {
+        "PATH": os.pathsep.join((str(programs), os.environ["PATH"])),
         "PYTHONPATH": os.pathsep.join((str(ROOT), str(ROOT / "shop"))),
         "MPLBACKEND": "agg",
     }
-    subprocess.run(
-        [sys.executable, "-W", "error", "-c", script(code_cells(path))],
-        cwd=folder,
-        env=variables,
-        check=True,
-    )
+    program = [*preloaded.PROGRAM, script(code_cells(path))]
+    process = preloaded.process_of(program)
+    assert process is not None
+    finished = preloaded.run(process, program, folder, MAX_SECONDS, variables)
+    assert finished.returncode == 0, finished.stderr

@@ -1,140 +1,243 @@
-"""Run ``python -m`` and ``python -W error -c`` in forks of a process that has imported libraries.
+"""Run Python's commands in forks of processes that have imported libraries.
 
 A process of its own imports them for one to four seconds, which is most of what a command of a
 page costs. A fork has them from the start, and nothing of this project: it imports that from the
 folder in which it runs, as any process does. Warnings while they are imported are no errors of a
 program; the suite itself imports them with warnings as errors.
 
-As a program, this module is that process. It reads a request a line, and answers with the exit
-status.
+As a program, this module is a process that forks, or a stand-in for Python: what other programs,
+such as ``make``, start in its place.
 """
 
 import atexit
+import contextlib
 import functools
 import gc
 import json
 import os
 import runpy
+import select
+import shlex
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
 import types
 import warnings
+from collections.abc import Mapping
 from importlib import import_module
 from pathlib import Path
+from types import MappingProxyType
+from typing import IO, Any
 
-SHARED = ("gymnasium", "numba", "numpy", "pydantic")
-# The first optimiser of a process imports torch._dynamo, for more than a second.
-TRAINING = (*SHARED, "onnx", "stable_baselines3", "torch", "torch._dynamo")
 LIBRARIES = {
-    "baselines": SHARED,
-    "leaderboard": SHARED,
-    "train": TRAINING,
-    "turning_env": SHARED,
+    "shared": ("gymnasium", "numba", "numpy", "pydantic"),
+    # The first optimiser of a process imports torch._dynamo, for more than a second, and the first
+    # export networkx.
+    "training": ("networkx", "onnx", "onnxscript", "stable_baselines3", "torch", "torch._dynamo"),
 }
-"""Libraries to import before a fork, by the package of its program."""
-MODULE = [sys.executable, "-m"]
-PROGRAM = [sys.executable, "-W", "error", "-c"]
+"""Libraries that a process imports before it forks, by the name of the process."""
+PROCESSES = {
+    "baselines": "shared",
+    "leaderboard": "shared",
+    "train": "training",
+    "turning_env": "shared",
+    "turning_shop": "shared",
+}
+"""The process that is forked for a command, by the package of its program."""
+MODULE = "-m"
+PROGRAM = ["-W", "error", "-c"]
 
 
-def libraries_of(words: list[str]) -> tuple[str, ...] | None:
-    """Return the libraries of a command; None if it is to run in a process of its own."""
-    if words[:2] == MODULE and len(words) > 2:
-        package, _, _ = words[2].partition(".")
-        return LIBRARIES.get(package)
-    if words[:-1] == PROGRAM:
-        return TRAINING if "import torch" in words[-1] else SHARED
+def process_of(arguments: list[str]) -> str | None:
+    """Return the process to fork for Python's arguments; None if Python itself has to run them."""
+    if arguments[:1] == [MODULE] and len(arguments) > 1:
+        package, _, _ = arguments[1].partition(".")
+        return PROCESSES.get(package)
+    if arguments[:-1] == PROGRAM:
+        learns = any(name in arguments[-1] for name in ("import torch", "stable_baselines3"))
+        return "training" if learns else "shared"
     return None
 
 
 def run(
-    words: list[str], libraries: tuple[str, ...], folder: Path, max_seconds: float
+    process: str,
+    arguments: list[str],
+    folder: Path,
+    max_seconds: float,
+    variables: Mapping[str, str] = MappingProxyType({}),
 ) -> "subprocess.CompletedProcess[str]":
-    """Run a command in a folder, in a fork that has its libraries; see ``libraries_of``.
+    """Run Python's arguments in a folder, in a fork of a process; see ``process_of``.
 
-    Its status is that of SIGALRM if it takes more than ``max_seconds`` [s].
+    ``variables`` are set beside those of this process. The status is that of SIGALRM if the command
+    takes more than ``max_seconds`` [s].
     """
+    with (
+        open(os.devnull) as nothing,
+        tempfile.TemporaryFile("w+", encoding="utf-8") as output,
+        tempfile.TemporaryFile("w+", encoding="utf-8") as errors,
+    ):
+        status = request(
+            address=Path(addresses(), process),
+            arguments=arguments,
+            folder=folder,
+            variables=_own_variables() | dict(variables),
+            max_seconds=max_seconds,
+            streams=[nothing, output, errors],
+        )
+        output.seek(0)
+        errors.seek(0)
+        return subprocess.CompletedProcess(arguments, status, output.read(), errors.read())
+
+
+def write_stand_in(path: Path, max_seconds: float) -> None:
+    """Write a program that does what this Python does, in a fork if ``process_of`` names one."""
+    # Without site-packages, Python starts in some milliseconds.
+    words = [sys.executable, "-I", "-S", __file__, "python"]
+    words += [sys.executable, addresses(), str(max_seconds)]
+    path.write_text(f'#!/bin/sh\nexec {shlex.join(words)} "$@"\n')
+    path.chmod(0o755)
+
+
+def addresses() -> str:
+    """Return the folder of the sockets of the processes, which have this process's variables."""
+    return _started(tuple(sorted(_own_variables().items())))
+
+
+def _own_variables() -> dict[str, str]:
     variables = dict(os.environ)
     # pytest sets another with every test.
     variables.pop("PYTEST_CURRENT_TEST", None)
-    server = started(libraries, tuple(sorted(variables.items())))
-    with tempfile.TemporaryDirectory() as outputs:
-        request = {
-            "words": words[1:],
-            "folder": str(folder),
-            "outputs": outputs,
-            "max_seconds": max_seconds,
-        }
-        assert server.stdin is not None
-        assert server.stdout is not None
-        try:
-            print(json.dumps(request), file=server.stdin, flush=True)
-            status = int(server.stdout.readline())
-        except BaseException:
-            # A later request must not read the answer to this one.
-            server.kill()
-            started.cache_clear()
-            raise
-        return subprocess.CompletedProcess(
-            words,
-            status,
-            stdout=Path(outputs, "stdout").read_text("utf-8"),
-            stderr=Path(outputs, "stderr").read_text("utf-8"),
-        )
+    return variables
 
 
 @functools.cache
-def started(
-    libraries: tuple[str, ...], variables: tuple[tuple[str, str], ...]
-) -> "subprocess.Popen[str]":
-    """Return a process that has imported libraries, with these environment variables."""
-    server = subprocess.Popen(
-        [sys.executable, __file__, *libraries],
-        env=dict(variables),
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
+def _started(variables: tuple[tuple[str, str], ...]) -> str:
+    """Start the processes, which import their libraries when first asked for a fork."""
+    folder = tempfile.TemporaryDirectory()
+    atexit.register(folder.cleanup)
+    for name in LIBRARIES:
+        listening = socket.socket(socket.AF_UNIX)
+        listening.bind(str(Path(folder.name, name)))
+        listening.listen()
+        server = subprocess.Popen(
+            [sys.executable, __file__, "serve", str(listening.fileno()), name],
+            env=dict(variables),
+            stdin=subprocess.PIPE,
+            pass_fds=[listening.fileno()],
+        )
+        listening.close()
+        # It ends at the end of its input.
+        atexit.register(server.communicate)
+    return folder.name
+
+
+def request(
+    address: Path,
+    arguments: list[str],
+    folder: Path,
+    variables: dict[str, str],
+    max_seconds: float,
+    streams: list[IO[Any]],
+) -> int:
+    """Have a process at an address fork, and return the status of the command in the fork."""
+    message = {
+        "arguments": arguments,
+        "folder": str(folder),
+        "variables": variables,
+        "max_seconds": max_seconds,
+    }
+    with socket.socket(socket.AF_UNIX) as connection:
+        connection.connect(str(address))
+        socket.send_fds(connection, [b"\n"], [stream.fileno() for stream in streams])
+        with connection.makefile("rw", encoding="utf-8") as lines:
+            print(json.dumps(message), file=lines, flush=True)
+            return int(lines.readline())
+
+
+def python(
+    executable: str, folder_of_addresses: str, max_seconds: str, arguments: list[str]
+) -> None:
+    """Do what an executable does with these arguments, in a fork if ``process_of`` names one."""
+    process = process_of(arguments)
+    if process is None:
+        os.execv(executable, [executable, *arguments])
+    status = request(
+        address=Path(folder_of_addresses, process),
+        arguments=arguments,
+        folder=Path.cwd(),
+        variables=dict(os.environ),
+        max_seconds=float(max_seconds),
+        streams=[sys.stdin, sys.stdout, sys.stderr],
     )
-    # It ends at the end of its requests.
-    atexit.register(server.communicate)
-    return server
+    # A shell adds 128 to the number of a signal.
+    sys.exit(status if status >= 0 else 128 - status)
 
 
-def serve() -> list[str]:
-    """Answer requests until there are none; in each fork, return the arguments of its Python."""
-    for line in sys.stdin:
-        request = json.loads(line)
+def serve(listening: socket.socket, name: str) -> list[str]:
+    """Fork for every request until the input ends; return the arguments in each fork."""
+    while True:
+        ready, _, _ = select.select([listening, sys.stdin], [], [])
+        # Without this wait, the forks' processor time is missing in that of the suite.
+        with contextlib.suppress(ChildProcessError):
+            while os.waitpid(-1, os.WNOHANG) != (0, 0):
+                pass
+        if sys.stdin in ready:
+            return []
+        connection, _ = listening.accept()
+        import_libraries(name)
+        with connection:
+            if os.fork() == 0:
+                listening.close()
+                return answer(connection)
+
+
+@functools.cache
+def import_libraries(name: str) -> None:
+    """Import the libraries of a process."""
+    for library in LIBRARIES["shared"] + LIBRARIES[name]:
+        import_module(library)
+    # What was imported stays shared between the forks.
+    gc.collect()
+    gc.freeze()
+
+
+def answer(connection: socket.socket) -> list[str]:
+    """Fork for a request, wait for the fork and send its status; return the arguments in it."""
+    _, streams, _, _ = socket.recv_fds(connection, 1, 3)
+    with connection.makefile("rw", encoding="utf-8") as lines:
+        message = json.loads(lines.readline())
         child = os.fork()
-        if child == 0:
-            signal.setitimer(signal.ITIMER_REAL, request["max_seconds"])
-            prepare(Path(request["folder"]), Path(request["outputs"]))
-            return list(request["words"])
-        _, status = os.waitpid(child, 0)
-        print(os.waitstatus_to_exitcode(status), flush=True)
-    return []
+        if child != 0:
+            _, status = os.waitpid(child, 0)
+            print(os.waitstatus_to_exitcode(status), file=lines, flush=True)
+            os._exit(0)
+    signal.setitimer(signal.ITIMER_REAL, message["max_seconds"])
+    prepare(message["folder"], message["variables"], streams)
+    return list(message["arguments"])
 
 
-def prepare(folder: Path, outputs: Path) -> None:
-    """Give a fork the folder and the streams of a process of its own."""
+def prepare(folder: str, variables: dict[str, str], streams: list[int]) -> None:
+    """Give a fork the folder, the variables and the streams of a process of its own."""
     os.chdir(folder)
-    # python -m starts with the folder.
-    sys.path.insert(0, str(folder))
-    redirect(0, Path(os.devnull), os.O_RDONLY)
-    redirect(1, outputs / "stdout", os.O_WRONLY | os.O_CREAT)
-    redirect(2, outputs / "stderr", os.O_WRONLY | os.O_CREAT)
-
-
-def redirect(stream: int, path: Path, flags: int) -> None:
-    """Let the number of a stream stand for a file."""
-    opened = os.open(path, flags)
-    os.dup2(opened, stream)
-    os.close(opened)
+    os.environ.clear()
+    os.environ.update(variables)
+    # python -m and -c look for modules in their folder first.
+    python_path = variables.get("PYTHONPATH", "").split(os.pathsep)
+    sys.path[:0] = [folder, *filter(None, python_path)]
+    for number, stream in enumerate(streams):
+        os.dup2(stream, number)
+        os.close(stream)
+    # The process's own may have been files where these are pipes.
+    sys.stdin = os.fdopen(0, closefd=False)
+    sys.stdout = os.fdopen(1, "w", closefd=False)
+    sys.stderr = os.fdopen(2, "w", buffering=1, errors="backslashreplace", closefd=False)
 
 
 def act(arguments: list[str]) -> None:
     """Do what Python does with these arguments."""
-    if arguments[0] == "-m":
+    if arguments[0] == MODULE:
         sys.argv = arguments[1:]
         runpy.run_module(arguments[1], run_name="__main__", alter_sys=True)
     else:
@@ -146,14 +249,11 @@ def act(arguments: list[str]) -> None:
 
 
 if __name__ == "__main__":
-    _, *names = sys.argv
+    _, mode, *words = sys.argv
+    if mode == "python":
+        python(words[0], words[1], words[2], words[3:])
     # The folder of this file.
     del sys.path[0]
-    for name in names:
-        import_module(name)
-    # What was imported stays shared between the forks.
-    gc.collect()
-    gc.freeze()
-    requested = serve()
+    requested = serve(socket.socket(fileno=int(words[0])), words[1])
     if requested:
         act(requested)

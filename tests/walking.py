@@ -89,7 +89,19 @@ def copy_to(folder: Path) -> None:
     for code in ROOT.glob("*/**/__pycache__/machine_code-*/*"):
         if code.is_dir():
             copy_machine_code(code, folder / code.relative_to(ROOT).parent)
-    (folder / ".venv").symlink_to(ROOT / ".venv")
+    copy_environment(folder / ".venv")
+
+
+def copy_environment(copy: Path) -> None:
+    """Link what is in the environment, but its Python: a process of its own takes seconds."""
+    (copy / "bin").mkdir(parents=True)
+    for path in (ROOT / ".venv").iterdir():
+        if path.name != "bin":
+            (copy / path.name).symlink_to(path)
+    for program in (ROOT / ".venv" / "bin").iterdir():
+        if program.name != "python":
+            (copy / "bin" / program.name).symlink_to(program)
+    preloaded.write_stand_in(copy / "bin" / "python", MAX_SECONDS)
 
 
 def copy_bytecode(source: Path, copy: Path) -> None:
@@ -130,9 +142,9 @@ def small(command: str, smaller: Mapping[str, Smaller]) -> list[str]:
 
 def run(words: list[str], folder: Path) -> "subprocess.CompletedProcess[str]":
     """Run a command in a folder; ``check`` looks at how it ended."""
-    libraries = preloaded.libraries_of(words)
-    if libraries is not None:
-        return preloaded.run(words, libraries, folder, MAX_SECONDS)
+    process = preloaded.process_of(words[1:]) if words[0] == sys.executable else None
+    if process is not None:
+        return preloaded.run(process, words[1:], folder, MAX_SECONDS)
     return subprocess.run(
         words, cwd=folder, capture_output=True, text=True, timeout=MAX_SECONDS, check=False
     )
@@ -158,7 +170,7 @@ def walk(
                 if not command.startswith(elsewhere):
                     check(run(small(command, smaller), folder), command)
         elif block.language == "python":
-            program = [*preloaded.PROGRAM, block.text]
+            program = [sys.executable, *preloaded.PROGRAM, block.text]
             finished = run(program, folder)
             check(finished, block.text)
             printed = finished.stdout
