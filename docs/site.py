@@ -43,10 +43,12 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
-    """Adapt links to the repository's root, and between docs/ and shop/docs/.
+    """Add the fields of scenarios to their page, and adapt links that leave docs/.
 
-    The latter is the folder shop/ of the site.
+    On the site, shop/docs/ is the folder shop/.
     """
+    if page.file.src_uri == "scenario.md":
+        markdown += "\n".join(_scenario())
     if page.file.src_uri.startswith("shop/"):
         markdown = markdown.replace("](../../docs/", "](../")
         return markdown.replace("](../README.md", "](index.md")
@@ -69,7 +71,6 @@ def pages() -> dict[str, str]:
         "shop/index.md": _shop(),
         "contributing.md": _from_root("CONTRIBUTING.md"),
         "environment.md": _tasks(),
-        "scenario.md": "\n".join(_scenario()),
         LEADERBOARD: page.render(read_leaderboards(RESULTS)),
     }
 
@@ -160,11 +161,7 @@ def _further_entries(names: Sequence[str], num_known: int) -> Iterator[str]:
 
 
 def _scenario() -> Iterator[str]:
-    yield "# Scenario files\n"
-    yield "A scenario defines an episode except for its [seed](glossary.md#seed). A TOML file"
-    yield 'states its differences from the defaults or, with `base = "PRESET"`, from a preset.'
-    yield "Unknown keys are refused. A star marks an assumption."
-    yield "`python -m turning_env show --schema` prints the tables below as JSON.\n"
+    yield "\nThe tables below have all fields. A star marks an assumption.\n"
     schema = turning_env.Scenario.model_json_schema()
     sections = griffe.load("turning_env.scenario.sections")
     for key, value in schema["properties"].items():

@@ -18,8 +18,10 @@ README = (ROOT / "README.md").read_text("utf-8")
 TUTORIALS = DOCS / "tutorials"
 # tests/test_identity.py walks this page, interpreted.
 INTERPRETED = TUTORIALS / "change_the_lathe.md"
-TEXTS = {"README": README, "results": (DOCS / "results.md").read_text("utf-8")}
+TEXTS = {"README": README}
 """The texts to walk, by name."""
+for page in ("results", "scenario"):
+    TEXTS[page] = (DOCS / f"{page}.md").read_text("utf-8")
 for tutorial in sorted(TUTORIALS.glob("*.md")):
     if tutorial != INTERPRETED:
         TEXTS[tutorial.stem] = tutorial.read_text("utf-8")

@@ -104,7 +104,7 @@ def test_a_figure_is_what_its_command_draws(case: Case, tmp_path: Path, monkeypa
 
 
 def test_a_level_in_a_figure_is_the_return_of_its_policy() -> None:
-    ((name, level),) = re.findall(r"--level (\w+)=(\S+)", PAGES["docs/agents.md"])
+    ((name, level),) = re.findall(r"--level (\w+)=(\S+)", PAGES["docs/results.md"])
     board = read_leaderboard(RESULTS / "RoughTurning-v0" / "rough_turning")
     mean_returns = {standing.name: standing.mean_return.value for standing in board.standings}
     assert mean_returns[name] == pytest.approx(float(level), abs=0.05)

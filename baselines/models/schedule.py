@@ -14,7 +14,7 @@ enter the expected excess over a limit and the chance to survive.
 
 The closed form of ``edge_value.py`` has one equation per used life, but it cannot hold a chance to
 survive. On unseen jobs of the family ``unmodelled``, ``known_forms``, which keeps to this schedule,
-returns 274 s (188 to 364) more than the best rule without (docs/unmodelled.md has the command).
+returns 274 s (188 to 364) more than the best rule without (docs/family_results.md has the command).
 """
 
 from functools import lru_cache

@@ -3,7 +3,7 @@
 An edge is charged as its used share of life grows, so every step pays for the life that it uses. A
 broken edge costs its remaining share, and the downtime. If an episode ends with its edge, the price
 of an edge includes the time to change it, and breakage its downtime; no time passes. If edges are
-changed, the time passes. (Prices: ``docs/assumptions.md``; laws: ``docs/models.md``.)
+changed, the time passes. (Prices and laws: ``docs/models.md``.)
 """
 
 from turning_env.numerics.compilation import compiled

@@ -1,7 +1,7 @@
 """The report of a step: sums over the step, the reward [s] and its terms, and the true state.
 
 Edges are charged in ``edge.py``, metal and overload are summed in ``lathe.py``. The price of
-overload is an assumption (``docs/assumptions.md``).
+overload is an assumption (``docs/models.md``).
 """
 
 import math
@@ -79,7 +79,7 @@ def set_reward(report, i, p):
 
     reward = 60 V / Q_ref - time - edges - 60 c_o (integral of the excess) - c_r (deviation of Ra)
     - breakage, with the removed volume V [cm3] and the reference removal rate Q_ref [cm3/min].
-    Form: adaptive part programming paper, cost of a part (``docs/assumptions.md``).
+    Form: adaptive part programming paper, cost of a part (``docs/models.md``).
     """
     overload = report.excess_force[i] + report.excess_power[i]  # [min]
     report.reward_metal[i] = 60.0 * report.removed[i] / p.reference_removal_rate[i]

@@ -52,7 +52,7 @@ SPLITS = (
 No policy was tuned or trained on them. The first four have the nominal model of ``rough_turning``
 and a model mismatch. The nominal models of the others have another diameter, another steel, and
 the laws of two measured sets.
-Build policies for them with ``Scenario.nominal()``. Reasons: ``docs/assumptions.md``.
+Build policies for them with ``Scenario.nominal()``. Reasons: ``docs/models.md``.
 """
 
 # Which sensors there are decides the entries of observations; only their numbers may be mistaken.
