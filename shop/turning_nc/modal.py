@@ -12,6 +12,8 @@ from turning_nc.dialects import DIAMETERS, FANUC, INCH, foreign_sign
 from turning_nc.paths import Point
 from turning_nc.words import BlockError, Line, PartProgram, Span, Word
 
+from turning_env.numerics.conversions import spindle_speed_at
+
 # Tool position before the first move and at reference points [mm] (assumption).
 HOME = Point(z=200.0, x=200.0)
 FOOT = 0.3048  # [m]; the cutting speed of programs in inch is in feet per minute
@@ -346,8 +348,10 @@ class Modal:
             raise BlockError("no speed is set: S")
         if not self.constant_cutting_speed:
             return self.speed.value
-        around = 2.0 * math.pi * max(abs(self.x), 1e-6)
-        return min(1000.0 * self.speed.value / around, self.max_spindle_speed)
+        # At the axis, the spindle runs at its highest speed.
+        diameter = 2.0 * max(abs(self.x), 1e-6)
+        turns: float = spindle_speed_at(self.speed.value, diameter)
+        return min(turns, self.max_spindle_speed)
 
     def set_tool(self, line: Line) -> None:
         """Set tool and spindle, and note machine functions that are not understood."""

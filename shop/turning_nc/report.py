@@ -3,7 +3,6 @@
 ``plausibility`` finds mistakes of programs; ``command`` prints both.
 """
 
-import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -20,6 +19,8 @@ from turning_shop import Values
 from turning_shop.advise import Prices, money
 from turning_shop.allowed import needed_nose_radius, theoretical_roughness
 from turning_shop.units import METRIC, Units
+
+from turning_env.numerics.conversions import torque_at
 
 MIN_WASTE = 1.0  # time that a block must be able to save to be named [s]
 MAX_TEXT = 36  # characters of a block that are shown
@@ -158,7 +159,7 @@ def _drives(situation: Situation, played: Play) -> dict[str, Drive]:
     """Return the highest loads of the tools that thread or drill metal, by tool."""
     loaded = situation.loaded & ~situation.engaged
     turns = np.where(loaded, played.spindle_speed, 1.0)
-    torque = 30_000.0 / math.pi * played.power / turns  # from kW and rev/min to N m
+    torque = torque_at(played.power, turns)
     drives = {}
     for tool, is_tool in situation.by_tool.items():
         cut = loaded & is_tool

@@ -18,7 +18,7 @@ from turning_shop import Values
 
 from turning_env.console import UserError
 from turning_env.files import replace_file
-from turning_env.numerics.conversions import cutting_speed_at
+from turning_env.numerics.conversions import cutting_speed_at, power_at
 
 MIN_SPEED = 1.0  # spindle speed above which it turns [rev/min]
 MAX_FEED = 2.0  # feed above which a move is a rapid [mm/rev]
@@ -161,9 +161,7 @@ def _power(path: Path, settings: CutSettings, power: Values, samples: Sequence[S
     torque = np.array([sample.spindle_torque for sample in samples])
     if np.isfinite(torque).any():
         speed = np.array([sample.spindle_speed for sample in samples])
-        # P [kW] = M [N m] n [rev/min] 2 pi / 60,000.
-        product = np.abs(torque * speed)
-        return np.asarray(product * 2.0 * np.pi / 60e3)
+        return np.asarray(np.abs(power_at(torque, speed)))
     load = np.array([sample.spindle_load for sample in samples])
     if not np.isfinite(load).any():
         raise UserError(f"{path}: the machine gives no power, torque or load of the spindle")
