@@ -659,7 +659,10 @@ def _job(options: argparse.Namespace) -> "start.CatalogueJob | None":
     """Return the job of --material and the options beside it; None if a scenario is given."""
     from turning_shop import start, start_question
 
-    given = [f"--{name}" for name in _CATALOGUE_OPTIONS if getattr(options, _dest(name))]
+    given = []
+    for name in _CATALOGUE_OPTIONS:
+        if getattr(options, name.replace("-", "_")):
+            given.append(f"--{name}")
     if options.scenario:
         if options.plan:
             raise WorkshopError(
@@ -702,11 +705,6 @@ def _job(options: argparse.Namespace) -> "start.CatalogueJob | None":
         entering_angle=options.entering_angle,
     )
     return start.job_of(question)
-
-
-def _dest(name: str) -> str:
-    """Return the attribute of an option."""
-    return name.replace("-", "_")
 
 
 def _print_playing(policy: str) -> None:
