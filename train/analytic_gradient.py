@@ -16,25 +16,21 @@ see ``train/training.py``. (Gradients of a differentiable model: Freeman et al. 
 """
 
 import sys
+from functools import cached_property
 from types import SimpleNamespace
-from typing import Any, NamedTuple, Self
+from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from optuna.distributions import CategoricalDistribution, FloatDistribution
-from stable_baselines3.common.base_class import BaseAlgorithm
-from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.type_aliases import MaybeCallback
-from stable_baselines3.common.utils import LinearSchedule
 from stable_baselines3.common.vec_env import VecEnv
 
-from train.actor import Actor
-from train.analytic_actor import ACTUAL, GruActor, TargetCommands
+from train.analytic_actor import ACTUAL, GruActor
+from train.gradient_algorithm import GradientAlgorithm, Rollout, options_of, sets_the_feed
 from train.model_gain import HIDDEN_STATE, HiddenSteps, ModelGain, Truth, flat_prices
 from train.run import Run
 from train.training import Algorithm, command_line
-from turning_env import Scenario
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 from turning_env.vector_env import info_at_end_of_step
 
@@ -99,152 +95,56 @@ class HindsightVecEnv(RoughTurningVecEnv):
         return self._actions[:, -1] > 0.0
 
 
-class Rollout(NamedTuple):
-    """A rollout; its fields have shape (steps, num_envs, ...) unless they say otherwise."""
+class AnalyticGradient(GradientAlgorithm):
+    """The algorithm; see the module's docstring."""
 
-    memory: Tensor  # memory before the first step, shape (num_envs, memory_size)
-    begins: Tensor  # 1 at the first step of an episode, else 0
-    observations: Tensor
-    hidden: HiddenSteps
+    def new_policy(self, entries: int) -> GruActor:
+        """Return a new agent, which is the whole policy."""
+        settings = self.settings
+        return GruActor(self.scenario, entries, cells=settings.cells, memory=settings.memory)
 
+    @property
+    def actor(self) -> GruActor:
+        """The agent that learns."""
+        agent: GruActor = self.policy
+        return agent
 
-class AnalyticGradient(BaseAlgorithm):
-    """The algorithm, as a subclass of Stable-Baselines3's base class.
-
-    The base class saves models, logs and runs callbacks.
-    """
-
-    policy: Any
-    env: Any
-    scenario: Any
-    settings: Any
-
-    def __init__(
-        self,
-        policy: type[Actor] = GruActor,
-        env: HindsightVecEnv | None = None,
-        learning_rate: Any = 1e-3,
-        scenario: Scenario | None = None,
-        settings: SimpleNamespace | None = None,
-        _init_setup_model: bool = True,
-        **options: Any,
-    ) -> None:
-        """Take hyperparameters as ``settings``, and further ``options`` of the base class."""
-        super().__init__(
-            policy,  # type: ignore[arg-type]
-            env,
-            learning_rate,
-            support_multi_env=True,
-            monitor_wrapper=False,
-            **options,
-        )
-        self.scenario = scenario
-        self.settings = settings
-        if _init_setup_model:
-            self._setup_model()
-
-    def _setup_model(self) -> None:
-        self._setup_lr_schedule()
-        self.set_random_seed(self.seed)
-        entries = self.observation_space.shape[0]  # type: ignore[index]
-        self.policy = GruActor(
-            self.scenario, entries, cells=self.settings.cells, memory=self.settings.memory
-        )
-        self.policy.optimizer = torch.optim.Adam(self.policy.parameters(), lr=self.lr_schedule(1.0))
+    @cached_property
+    def gain(self) -> ModelGain:
+        """The teacher's model of the gain."""
+        is_flat = self.settings.life_price == "flat"
+        return ModelGain(self.scenario, flat_prices(self.scenario) if is_flat else None)
 
     def _excluded_save_params(self) -> list[str]:
         return [*super()._excluded_save_params(), "gain"]
 
-    def _get_torch_save_params(self) -> tuple[list[str], list[str]]:
-        return ["policy", "policy.optimizer"], []
+    def explored(self, actions: Tensor) -> Tensor:
+        """Return actions with noise; see ``GradientAlgorithm.explored``."""
+        noisy: Tensor = actions + self.settings.exploration * torch.randn_like(actions)
+        return noisy
 
-    def learn(
-        self,
-        total_timesteps: int,
-        callback: MaybeCallback = None,
-        log_interval: int = 5,
-        tb_log_name: str = "analytic_gradient",
-        reset_num_timesteps: bool = True,
-        progress_bar: bool = False,
-    ) -> Self:
-        """Collect rollouts and learn from them for ``total_timesteps`` environment steps."""
-        is_flat = self.settings.life_price == "flat"
-        prices = flat_prices(self.scenario) if is_flat else None
-        self.gain = ModelGain(self.scenario, prices)
-        if reset_num_timesteps:
-            self.memory = torch.zeros(self.n_envs, self.policy.memory_size)
-        total_timesteps, callbacks = self._setup_learn(
-            total_timesteps, callback, reset_num_timesteps, tb_log_name, progress_bar
-        )
-        callbacks.on_training_start(locals(), globals())
-        while self.num_timesteps < total_timesteps:
-            callbacks.on_rollout_start()
-            rollout = self.collect(callbacks)
-            callbacks.on_rollout_end()
-            self._update_current_progress_remaining(self.num_timesteps, total_timesteps)
-            self._update_learning_rate(self.policy.optimizer)
-            self.logger.record("train/gain", self.train(rollout))
-            self.logger.dump(self.num_timesteps)
-        callbacks.on_training_end()
-        return self
+    def take(self, actions: NDArray[np.float32]) -> tuple[Any, HiddenSteps]:
+        """Take a step; return its result and its hidden states."""
+        step = self.env.step(actions)
+        return step, self.env.last_step
 
-    def collect(self, callbacks: BaseCallback) -> Rollout:
-        """Play a rollout with the agent."""
-        start_memory = self.memory
-        begins_of_steps = []
-        observations_of_steps = []
-        hidden_of_steps = []
-        for _ in range(self.settings.n_steps):
-            observations = torch.from_numpy(self._last_obs)
-            begins = torch.from_numpy(self._last_episode_starts).float().unsqueeze(-1)
-            with torch.no_grad():
-                actions, self.memory = self.policy(observations, self.memory * (1.0 - begins))
-            actions = actions + self.settings.exploration * torch.randn_like(actions)
-            step = self.env.step(actions.clamp(-1.0, 1.0).numpy())
-            self._last_obs, _, self._last_episode_starts, infos = step
+    def stacked(self, lessons: list[HiddenSteps]) -> HiddenSteps:
+        """Return hidden states with a first axis of steps."""
+        return HiddenSteps.stacked(lessons)
 
-            begins_of_steps.append(begins)
-            observations_of_steps.append(observations)
-            hidden_of_steps.append(self.env.last_step)
-            self.num_timesteps += self.n_envs
-            self._update_info_buffer(infos, self._last_episode_starts)
-            callbacks.on_step()
-        return Rollout(
-            memory=start_memory,
-            begins=torch.stack(begins_of_steps),
-            observations=torch.stack(observations_of_steps),
-            hidden=HiddenSteps.stacked(hidden_of_steps),
-        )
-
-    def train(self, rollout: Rollout) -> float:
-        """Learn from a rollout; return its mean gain per step [s]."""
-        settings = self.settings
-        optimizer = self.policy.optimizer
-        gains = []
-        for _ in range(settings.n_epochs):
-            batches = torch.randperm(self.n_envs).split(settings.batch_envs)  # type: ignore[no-untyped-call]
-            for envs in batches:
-                gain = self.mean_gain(rollout, envs)
-                optimizer.zero_grad()
-                (-gain).backward()  # type: ignore[no-untyped-call]
-                torch.nn.utils.clip_grad_norm_(self.policy.parameters(), settings.max_grad_norm)
-                optimizer.step()
-                gains.append(gain.item())
-        return float(np.mean(gains))
-
-    def mean_gain(self, rollout: Rollout, envs: Tensor) -> Tensor:
+    def objective(self, rollout: Rollout, envs: Tensor) -> Tensor:
         """Return the mean gain per step [s] of some environments in a rollout.
 
-        It is a function of the agent's parameters. Targets that saturate cost
-        ``saturation_price`` times their square, before they are squashed.
+        Targets that saturate cost ``saturation_price`` times their square, before they are
+        squashed.
         """
-        commands = self.policy.commands
+        commands = self.actor.commands
         observations = rollout.observations[:, envs]
-        truth = Truth(self.scenario, rollout.hidden.of(envs.numpy()))
-        unbounded = self.policy.unroll(
+        truth = Truth(self.scenario, rollout.lessons.of(envs.numpy()))
+        unbounded = self.actor.unroll(
             observations, cells=rollout.memory[envs], begins=rollout.begins[:, envs]
         )
-        target = self.policy.bounded(unbounded)
+        target = self.actor.bounded(unbounded)
         actual = commands.speed_and_feed(observations, ACTUAL)
         log_commanded = commands.commanded(target, observations)
         gain, going_on = self.gain(log_commanded, actual, truth)
@@ -267,31 +167,12 @@ def new_model(run: Run, vec_env: VecEnv) -> AnalyticGradient:
     settings = SimpleNamespace(**({"saturation_price": 0.0} | run.parameters))
     if settings.life_price not in ("marginal", "flat"):
         raise ValueError(f"life_price is {settings.life_price!r}, but must be marginal or flat")
-    learning_rate = LinearSchedule(
-        start=settings.learning_rate, end=settings.final_learning_rate, end_fraction=1.0
-    )
-    return AnalyticGradient(
-        GruActor,
-        vec_env,
-        learning_rate=learning_rate,
-        scenario=run.scenario,
-        settings=settings,
-        tensorboard_log=str(run.folder / "tensorboard"),
-        seed=run.seed,
-    )
+    return AnalyticGradient(GruActor, vec_env, **options_of(run, settings))
 
 
 def network(policy: GruActor) -> GruActor:
     """Return the agent of a trained policy: the policy itself."""
     return policy
-
-
-def plays(scenario: Scenario) -> bool:
-    """Return whether the teacher has a model of the scenario's reward.
-
-    Its aim must be removal of metal, with the feed set in every step.
-    """
-    return scenario.control.action in TargetCommands.ACTIONS and scenario.control.aim == "removal"
 
 
 DEFAULTS: dict[str, Any] = {
@@ -326,7 +207,7 @@ ALGORITHM = Algorithm(
     search=SEARCH,
     training_information=("model gradients", "true states", "life price", "spreads", "geometry"),
     vec_env=HindsightVecEnv,
-    plays=plays,
+    plays=sets_the_feed,
     families=False,
 )
 
