@@ -19,6 +19,7 @@ from baselines.rule import Array, Mask, Rule, TuningRange
 from turning_env import Scenario, read
 from turning_env.action import sets_speed_and_feed, towards
 from turning_env.numerics.compilation import compiled, compiled_entry
+from turning_env.numerics.functions import log
 from turning_env.physics.machinability import loads_with_fresh_share, log_wear_coefficient
 from turning_env.physics.records import parameter_records
 from turning_env.physics.spindle import capacity, idle_power
@@ -89,8 +90,8 @@ def predict(parameters, speed, feed, used_life, start, end):
 
     It is a tuple of used life [-], thrust force [N] and power [kW] at the end.
     """
-    log_speed = np.log(speed)
-    log_feed = np.log(feed)
+    log_speed = log(speed)
+    log_feed = log(feed)
     log_depth = parameters.log_depth_of_cut[0]
     log_coefficient = log_wear_coefficient(parameters, 0, log_speed, log_feed, log_depth, 0.0)
     used_life = advance_used_life(parameters, 0, used_life, log_coefficient, start, end)

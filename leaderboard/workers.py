@@ -24,6 +24,7 @@ from signal import SIG_IGN, SIGINT, signal
 from typing import Any
 
 from leaderboard.agents.onnx_session import first_line
+from turning_env.extras import needed
 from turning_env.physics import MODEL_VERSION
 
 MAX_CONNECTING = 20.0  # time to wait for a scheduler, and then for its first worker [s]
@@ -80,12 +81,8 @@ def cluster(address: str) -> Iterator[Workers]:
     Its number of workers may change at any time. Other workers repeat the pieces of a lost one.
     Raise WorkersError if there are no workers, or several are lost over the same piece.
     """
-    try:
+    with needed(WorkersError):
         from distributed import Client, KilledWorker
-    except ImportError as error:
-        raise WorkersError(
-            f"a scheduler needs the extra 'distributed', which is not installed: {error}"
-        ) from error
     try:
         client = Client(  # type: ignore[no-untyped-call]
             address, timeout=MAX_CONNECTING, set_as_default=False

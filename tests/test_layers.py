@@ -1,4 +1,4 @@
-"""Imports run downwards only, and the environment stays light."""
+"""Imports run downwards only, the environment stays light, and no library rounds its numbers."""
 
 import ast
 import subprocess
@@ -146,6 +146,48 @@ def test_a_module_of_the_environment_imports_only_layers_below_it() -> None:
             if layer > LAYER_OF[module]:
                 upwards.append(f"{path.relative_to(ROOT)} imports {name}")
     assert upwards == []
+
+
+LIBRARY_FUNCTIONS = {
+    *("exp", "exp2", "expm1", "log", "log2", "log10", "log1p", "logaddexp", "geomspace"),
+    *("logspace", "pow", "power", "float_power", "hypot", "cbrt", "erf", "erfc", "gamma"),
+    *("sin", "cos", "tan", "sinh", "cosh", "tanh", "arcsin", "arccos", "arctan", "arctan2"),
+    *("asin", "acos", "atan", "atan2", "dot", "inner", "matmul", "einsum", "linalg"),
+}
+"""Functions of NumPy and of the C library whose last bits depend on the processor."""
+DECIDES_NOTHING = (
+    ROOT / "turning_env" / "rendering",  # pictures
+    ROOT / "turning_env" / "scenario" / "validation.py",  # bounds, far from any value that ships
+)
+
+
+def depends_on_the_processor(node: ast.AST) -> bool:
+    """Return whether an expression takes a library's function, a matrix product or a real power."""
+    match node:
+        case ast.Attribute(value=ast.Name(id="np" | "math"), attr=name):
+            return name in LIBRARY_FUNCTIONS
+        case ast.BinOp(op=ast.MatMult()):
+            return True
+        case ast.BinOp(op=ast.Pow(), right=ast.Constant(value=int())):
+            return False
+        case ast.BinOp(op=ast.Pow(), right=ast.UnaryOp(operand=ast.Constant(value=int()))):
+            return False
+        case ast.BinOp(op=ast.Pow()):
+            return True
+    return False
+
+
+@pytest.mark.parametrize("package", ["turning_env", "baselines"])
+def test_jobs_trajectories_and_rules_are_rounded_alike_on_every_processor(package: str) -> None:
+    """Their exponentials and logarithms are those of ``turning_env/numerics/functions.py``."""
+    places = []
+    for path in FOLDERS[package].rglob("*.py"):
+        if any(path.is_relative_to(left_out) for left_out in DECIDES_NOTHING):
+            continue
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            if depends_on_the_processor(node):
+                places.append(f"{path.relative_to(ROOT)}: {ast.unparse(node)}")
+    assert places == []
 
 
 # Learning, plotting and rendering.

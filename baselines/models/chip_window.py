@@ -11,7 +11,7 @@ import numpy as np
 
 from baselines.rule import Array, Mask
 from turning_env import Reading
-from turning_env.numerics.functions import log
+from turning_env.numerics.functions import exp, log
 
 SHIFTS = np.array([0.0, -0.65, -0.55, -0.45, -0.35, 0.35, 0.45, 0.55, 0.65])
 """Log shifts of both ends of the window that are compared [-] (range: training jobs of the family
@@ -71,7 +71,7 @@ class ChipWindow:
 
         Both have shape (num_envs,) and lie in the machine's range.
         """
-        factor = np.exp(self.shift)
+        factor = exp(self.shift)
         machine = self._scenario.machine
         low = np.clip(self._low * factor, machine.feed_min, machine.feed_max)
         high = np.clip(self._high * factor, machine.feed_min, machine.feed_max)

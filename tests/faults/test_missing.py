@@ -24,6 +24,16 @@ pytestmark = pytest.mark.slow
             "--agents agents/RoughTurning-Batch-v0/batch_casting/ppo-seed0.onnx",
         ),
         (
+            "joblib",
+            "leaderboard run --results FILE --policies programmed_feed "
+            "--env RoughTurning-Override-v1 --seeds 1 --jobs 2",
+        ),
+        (
+            "distributed",
+            "leaderboard run --results FILE --policies programmed_feed "
+            "--env RoughTurning-Override-v1 --seeds 1 --scheduler tcp://127.0.0.1:1",
+        ),
+        (
             "PIL",
             "leaderboard.watch --policy programmed_feed --env RoughTurning-Override-v1 "
             "--steps 1 --out FILE.gif",

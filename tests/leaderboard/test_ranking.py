@@ -78,6 +78,9 @@ def test_folders_without_results_on_the_task_are_refused(
     write(folder, make_result("first"))
     with pytest.raises(ResultError, match=f"no results on task {other.digest[:12]}"):
         read_leaderboard(folder, other)
+    write_manifest(folder, other)
+    with pytest.raises(ResultError, match=f"no results on task {other.digest[:12]}"):
+        read_leaderboard(folder)
 
 
 @pytest.fixture

@@ -153,6 +153,20 @@ def test_policies_are_compared_with_the_best_other_rule(compared: dict[str, Stan
     }
 
 
+def test_a_rule_whose_feasibility_is_not_shown_is_no_best_rule(make_result: MakeResult) -> None:
+    """Of 5 % allowed, 12 s in one of four minutes of cutting are 5 % too, but may be more."""
+    standings = standings_of(
+        [
+            make_result("doubtful", severe_overload_time=[12.0, 0.0, 0.0, 0.0], returns=100.0),
+            make_result("safe", returns=10.0),
+        ]
+    )
+    assert standings["doubtful"].overload.feasibility == "not shown"
+    best = best_rule(standings.values())
+    assert best is not None
+    assert best.name == "safe"
+
+
 def test_returns_and_leads_by_hand(compared: dict[str, Standing]) -> None:
     ppo = compared["ppo"]
     assert ppo.about.training_seeds == (0, 1)

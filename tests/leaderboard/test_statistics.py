@@ -41,8 +41,12 @@ def test_resamples_vary_as_means_do() -> None:
 def test_interquartile_mean_drops_a_quarter_at_either_end() -> None:
     eight = np.array([8.0, 1, 2, 100, 3, 4, 5, -50])
     five = np.array([9.0, 1, 2, 3, 4])
+    four = np.array([9.0, 1, 2, -30])
+    three = np.array([9.0, 0, 0])
     assert interquartile_mean(eight) == (2 + 3 + 4 + 5) / 4
     assert interquartile_mean(five) == 3.0
+    assert interquartile_mean(four) == 1.5
+    assert interquartile_mean(three) == 3.0
 
 
 def test_seeds_are_paired() -> None:

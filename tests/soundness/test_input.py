@@ -5,6 +5,7 @@ This holds for any scenario, actions and seed.
 
 import copy
 import decimal
+import math
 
 import numpy as np
 import pytest
@@ -19,6 +20,16 @@ from turning_env import RoughTurningEnv, RoughTurningVectorEnv, Scenario
 
 ADDRESSES = {".".join(path) for path in FIELDS} | {path[-1] for path in FIELDS}
 """Names of all values in refusals."""
+
+
+def changed_at(path: tuple[str, ...], value: float) -> Scenario:
+    """Return the default scenario with another value in one place."""
+    values = Scenario().model_dump(exclude={"nominal_model"})
+    section = values
+    for name in path[:-1]:
+        section = section[name]
+    section[path[-1]] = value
+    return Scenario.model_validate(values)
 
 
 def play_and_check(data: st.DataObject, scenario: Scenario, seed: int) -> None:
@@ -53,6 +64,37 @@ def test_any_values_are_played_or_refused_by_name(
     play_and_check(data, scenario, seed)
 
 
+ENDS = [
+    pytest.param(path, FIELDS[path][end], id=f"{'.'.join(path)}-{end}")
+    for path in FIELDS
+    for end in ("minimum", "maximum")
+    if end in FIELDS[path]
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("path", "value"), ENDS)
+def test_a_value_alone_at_an_end_of_its_range_is_played_or_refused_by_name(
+    path: tuple[str, ...], value: float
+) -> None:
+    """Refused are values that contradict others, such as a lowest feed above the highest."""
+    try:
+        scenario = changed_at(path, value)
+    except ValidationError as refusal:
+        message = str(refusal)
+        assert path[-1] in message or ".".join(path[:-1]) in message
+        return
+    env = RoughTurningEnv(scenario)
+    observation, info = env.reset(seed=1)
+    assert_sound(env, observation, 0.0, info)
+    size = env.action_space.shape[0]
+    for number in (1.0, -1.0):
+        observation, reward, terminated, truncated, info = env.step(np.full(size, number))
+        assert_sound(env, observation, reward, info)
+        if terminated or truncated:
+            env.reset()
+
+
 @tried(short=20, soak=5_000)
 @given(st.integers(1, 70), st.data(), st.sampled_from((np.nan, np.inf, -np.inf)))
 def test_an_action_that_is_not_finite_is_refused_by_environment_and_nothing_moves(
@@ -77,6 +119,9 @@ NO_ACTIONS = [
     pytest.param({"speed": 1.0, "feed": 1.0}, id="dict"),
     pytest.param(0.0, id="number"),
     pytest.param([0.0, 0.0, 0.0], id="three numbers"),
+    pytest.param([0.0, math.nan], id="NaN"),
+    pytest.param([math.inf, 0.0], id="infinity"),
+    pytest.param([0.0, -math.inf], id="negative infinity"),
     pytest.param([0.0, [0.0]], id="ragged"),
     pytest.param([True, False], id="truth values"),
     pytest.param([1j, 0.0], id="complex"),

@@ -58,3 +58,17 @@ def test_an_interrupted_search_finds_what_it_would_have(
     assert search(again, 10) == undisturbed
     assert capsys.readouterr().err == expected
     assert search(again, 10, interrupted) == undisturbed  # there is nothing left to do
+
+
+def test_a_second_identical_search_is_refused_while_the_first_goes_on(tmp_path: Path) -> None:
+    refused = []
+
+    def search_again(task: tune_agent.TuningTask, setting: dict[str, Any]) -> SettingResult:
+        with pytest.raises(ValueError, match="another process works in") as refusal:
+            search(tmp_path, 1)
+        refused.append(str(refusal.value))
+        return learning_rate_matters(task, setting)
+
+    _, trial = search(tmp_path, 1, search_again)
+    assert len(refused) == 1
+    assert not trial.played.failed

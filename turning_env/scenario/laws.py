@@ -127,7 +127,7 @@ def feed_at_limit(law: Any, most: Any, at_unit_feed: Any) -> Any:
     """
     share = np.asarray(most / at_unit_feed)
     if law.feed > 0.0:
-        return share ** (1.0 / law.feed)
+        return real_power(share, 1.0 / law.feed)
     return np.full_like(share, np.inf)
 
 

@@ -1,6 +1,8 @@
 """A policy in a process of its own, which cannot harm the control's process."""
 
+import contextlib
 import os
+import resource
 import sys
 import time
 from pathlib import Path
@@ -193,11 +195,11 @@ def test_a_file_that_takes_memory_without_end_is_ended(tmp_path: Path) -> None:
         policy.act(observed())
 
 
-@pytest.mark.slow
-def test_a_file_acts(tmp_path: Path) -> None:
+def network_with_memory(folder: Path) -> Path:
+    """Write a network that adds a quarter of two observed numbers to its actions before."""
     onnx = pytest.importorskip("onnx")
     pytest.importorskip("onnxruntime")
-    path = tmp_path / "network.onnx"
+    path = folder / "network.onnx"
     text = """
     <ir_version: 9, opset_import: ["": 17]>
     network (float[n, entries] observation, float[n, 2] memory)
@@ -211,7 +213,36 @@ def test_a_file_acts(tmp_path: Path) -> None:
     }
     """
     onnx.save(onnx.parser.parse_model(text), path)
-    policy = start(str(path))
+    return path
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
+def test_the_processor_time_of_a_file_is_not_limited_and_its_memory_is(tmp_path: Path) -> None:
+    """A control runs for weeks."""
+    before = processes_started_here()
+    policy = start(str(network_with_memory(tmp_path)))
+    policy.act(observed())
+    (number,) = processes_started_here() - before
+    unlimited = (resource.RLIM_INFINITY, resource.RLIM_INFINITY)
+    assert resource.prlimit(number, resource.RLIMIT_CPU) == unlimited
+    assert resource.prlimit(number, resource.RLIMIT_AS) == (3 * 2**30, 3 * 2**30)
+
+
+def processes_started_here() -> set[int]:
+    """Return the numbers of the processes whose parent is this one."""
+    numbers = set()
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        with contextlib.suppress(OSError):  # it has ended meanwhile
+            _, parent = path.read_text().rpartition(")")[2].split()[:2]
+            if int(parent) == os.getpid():
+                numbers.add(int(path.parent.name))
+    return numbers
+
+
+@pytest.mark.slow
+def test_a_file_acts(tmp_path: Path) -> None:
+    policy = start(str(network_with_memory(tmp_path)))
     observations = observed()
     step = 0.25 * observations[:, :2]
     np.testing.assert_array_equal(policy.act(observations), step)

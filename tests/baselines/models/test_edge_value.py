@@ -331,6 +331,11 @@ def test_used_lives_are_kept_within_a_hundredth_and_1() -> None:
     assert fresh == at_least > later > late > at_most == over
 
 
+def test_a_change_that_takes_longer_than_the_edge_costs_is_paid_for() -> None:
+    # 1260 - 200 c = 60 + 600 c at c = 1.5.
+    assert price_of_time(edge(60.0, 600.0), *lives_of([1260.0], [200.0])) == pytest.approx(1.5)
+
+
 def test_life_that_is_worth_less_than_a_second_counts() -> None:
     # 200.2 - 99.9 c = 0.2 + 0.1 c at c = 2, where the life is worth 0.4 s.
     assert price_of_time(edge(0.2, 0.1), *lives_of([200.2], [99.9])) == pytest.approx(2.0)

@@ -19,6 +19,9 @@ def test_each_environment_has_the_numbers_of_its_model() -> None:
     models.set(0, values_of(OTHER))
     assert np.ravel(models.scenario.limits.power).tolist() == [5.0, 5.0]
     assert np.ravel(models.scenario.machine.feed_max).tolist() == [0.5, 0.5]
+    # The others keep theirs.
+    models.set(1, values_of(changed(OTHER, limits={"power": 4.0})))
+    assert np.ravel(models.scenario.limits.power).tolist() == [5.0, 4.0]
 
 
 def test_choices_stay_those_that_all_environments_share() -> None:

@@ -1,5 +1,6 @@
 """Programs, their overrides, and the rules that act on them."""
 
+import math
 from typing import Any
 
 import numpy as np
@@ -56,6 +57,13 @@ def test_a_program_lies_within_the_machines_range(
     program = PartProgram(OVERRIDE, parameters)
     assert (program.cutting_speed, program.feed) == (speed, feed)
     assert program.override_max == 1.5
+
+
+def test_a_program_asks_for_no_speed_that_the_spindle_does_not_reach() -> None:
+    """At 600 rev/min a bar of 100 mm moves at 60 pi m/min, less than the machine's 300."""
+    slow = changed(OVERRIDE, workpiece={"diameter": 100.0}, spindle={"max_speed": 600.0})
+    program = PartProgram(slow, {"cutting_speed": 250.0})
+    assert program.cutting_speed == pytest.approx(60.0 * math.pi)
 
 
 def test_the_commanded_override_is_the_share_of_the_programmed_feed() -> None:

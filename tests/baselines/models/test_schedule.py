@@ -265,12 +265,28 @@ def test_a_schedule_is_the_best_by_brute_force(form: str) -> None:
     assert 0 < speed_index[0] < SPEEDS - 1
 
 
-def test_an_edge_whose_end_stops_nothing_else_is_used_up() -> None:
-    scenario = changed(SIMPLE, economics={"unplanned_stop": 0.0})
+@pytest.mark.parametrize(
+    ("unplanned_stop", "last"),
+    [
+        pytest.param(0.0, LIVES, id="it stops nothing else"),
+        # The last step gains 0.6 s more, or 0.2 s less, than the stop costs.
+        pytest.param(0.055, LIVES, id="the stop just pays"),
+        pytest.param(0.065, LIVES - 1, id="it just does not"),
+    ],
+)
+def test_an_edge_is_used_up_if_its_end_stops_the_lathe_for_little(
+    unplanned_stop: float, last: int
+) -> None:
+    scenario = changed(SIMPLE, economics={"unplanned_stop": unplanned_stop})
     plan = schedule(scenario)
-    worth, _ = worths(life_steps(scenario), plan.time, LIVES, unplanned_stop=0.0)
-    assert plan.change_at == 1.0
-    assert worth == pytest.approx(0.0, abs=0.01)
+    steps = life_steps(scenario)
+    values = {}
+    for change in (LIVES - 1, LIVES):
+        values[change], _ = worths(steps, plan.time, change, unplanned_stop=unplanned_stop)
+    assert max(values, key=lambda change: values[change]) == last
+    assert plan.change_at == last / LIVES
+    assert values[last] == pytest.approx(0.0, abs=0.01)
+    assert abs(values[LIVES] - values[LIVES - 1]) > 0.1
 
 
 def test_a_schedule_spares_weak_edges() -> None:

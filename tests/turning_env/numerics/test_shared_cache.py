@@ -1,6 +1,7 @@
 """Machine code on disk: processes share it, and nothing stale is used."""
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -155,3 +156,20 @@ def test_without_any_folder_to_write_to_entries_run_with_a_warning(
     cache = folder / "entry.py" / "home"
     notices = finished(start(folder, PYTHONPATH=path, XDG_CACHE_HOME=str(cache)))
     assert "compiled code cannot be kept" in notices
+
+
+@pytest.mark.parametrize("suffix", [".nbi", ".nbc"])
+def test_code_that_is_cut_off_ends_in_an_error_until_it_is_deleted(
+    folder: Path, suffix: str
+) -> None:
+    finished(start(folder))
+    (damaged,) = (path for path in code(folder) if path.suffix == suffix)
+    damaged.write_bytes(damaged.read_bytes()[: damaged.stat().st_size // 2])
+    process = start(folder)
+    _, error = process.communicate(timeout=MAX_SECONDS)
+    assert process.returncode == 1
+    assert "numba" in error
+    assert "Error" in error.splitlines()[-1]
+    (machine_code,) = (folder / "__pycache__").glob("machine_code-*")
+    shutil.rmtree(machine_code)
+    finished(start(folder))
