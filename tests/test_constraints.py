@@ -1,8 +1,16 @@
 """Every installed package is pinned with hashes."""
 
+import hashlib
 import re
+import shutil
+import subprocess
+import sys
 import tomllib
+import zipfile
 from importlib.metadata import packages_distributions
+from pathlib import Path
+
+import pytest
 
 from tests.walking import ROOT
 from tools.requirements import requirements
@@ -12,6 +20,7 @@ PINS = set(re.findall(r"^([\w.-]+)==", CONSTRAINTS, re.MULTILINE))
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
 SHOP = tomllib.loads((ROOT / "shop" / "pyproject.toml").read_text("utf-8"))
 
+UV = Path(sys.executable).with_name("uv")
 HASHED_PIN = re.compile(r"^[\w.-]+==.*\\\n    --hash=sha256:[0-9a-f]{64}", re.MULTILINE)
 USED_BY_OTHERS = {
     "onnxscript": "torch.onnx",
@@ -49,6 +58,42 @@ def test_every_requirement_of_the_set_up_is_pinned() -> None:
 
 def test_every_pin_has_a_hash() -> None:
     assert len(HASHED_PIN.findall(CONSTRAINTS)) == len(PINS) > 0
+
+
+def wheel(folder: Path) -> Path:
+    """Write a package without code, and return its wheel."""
+    path = folder / "tiny-1.0-py3-none-any.whl"
+    about = "tiny-1.0.dist-info"
+    contents = {
+        f"{about}/METADATA": "Metadata-Version: 2.1\nName: tiny\nVersion: 1.0\n",
+        f"{about}/WHEEL": "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n",
+        f"{about}/RECORD": f"{about}/METADATA,,\n{about}/WHEEL,,\n{about}/RECORD,,\n",
+    }
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, content in contents.items():
+            archive.writestr(name, content)
+    return path
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not UV.exists() or shutil.which("make") is None, reason="needs uv and make")
+@pytest.mark.parametrize("same", [True, False])
+def test_the_set_up_refuses_a_file_with_another_hash(same: bool, tmp_path: Path) -> None:
+    """The command is that of the Makefile, with a package that lies on this machine."""
+    content = wheel(tmp_path).read_bytes()
+    digest = hashlib.sha256(content if same else b"another file").hexdigest()
+    pin = f"tiny==1.0 --hash=sha256:{digest}\n"
+    (tmp_path / "packaging").mkdir()
+    (tmp_path / "packaging" / "constraints.txt").write_text(pin)
+    (tmp_path / "tiny.mk").write_text("tiny:\n\t$(INSTALL) tiny\n")
+    uv = f"{UV} pip install --python {sys.executable} --no-cache --no-index"
+    command = ["make", "-C", str(tmp_path), "-f", str(ROOT / "Makefile"), "-f", "tiny.mk", "tiny"]
+    command += ["PIP=true"]
+    command += [f"UV={uv} --find-links {tmp_path} --target {tmp_path / 'installed'}"]
+    finished = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (finished.returncode == 0) == same, finished.stderr
+    assert (tmp_path / "installed" / "tiny-1.0.dist-info").exists() == same
+    assert same or "Hash mismatch" in finished.stderr
 
 
 def test_conda_gets_the_same_requirements() -> None:
