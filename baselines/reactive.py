@@ -189,8 +189,9 @@ def reactive(
 
     ``Reactions`` explains the numbers.
     """
-    limits = WINDOW_ALONE._replace(speed=speed, change_at=change_at)
-    reactions = limits._replace(slower=slower, bolder=bolder)
+    reactions = WINDOW_ALONE._replace(
+        speed=speed, change_at=change_at, slower=slower, bolder=bolder
+    )
     return Reactive(scenario, num_envs, reactions, **others)
 
 

@@ -366,6 +366,7 @@ def _regression(sample: _Sample, base: PowerLaw, fitted: Sequence[str]) -> Regre
     columns = [np.ones(len(sample.measured))]
     for name in exponents:
         columns.append(regressor(base, name, sample.factors))
+    # The place of the number by which an edge's response grows, behind the coefficient.
     progress = None
     for name in PROGRESS:
         if name in fitted:
