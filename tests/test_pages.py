@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import turning_env
-from tests.walking import ROOT, Smaller, check, copy_to, run, walk
+from tests.walking import LONG, ROOT, Smaller, blocks, check, commands, copy_to, run, walk
 
 DOCS = ROOT / "docs"
 SET_UP = ROOT / ".venv" / "test"
@@ -27,14 +27,17 @@ for tutorial in sorted(TUTORIALS.glob("*.md")):
         TEXTS[tutorial.stem] = tutorial.read_text("utf-8")
 # A class needs nothing of the page on which its plan is.
 TEXTS["train"], _, TEXTS["class"] = TEXTS["train"].partition("## A class of 90 minutes\n")
+# Both train the same agent first. In one copy of the repository that is done once.
+TEXTS["train_and_submit"] = TEXTS.pop("train") + TEXTS.pop("submit_a_policy")
 ELSEWHERE = (
     # This suite itself, and the installation of what is under test.
     "make test",
     "pip install",
     "python -m pip ",
-    # tests/test_tables.py prints these tables and draws this figure.
+    # tests/test_tables.py prints these tables and draws these figures.
     "python -m leaderboard show --results leaderboard/results --",
-    "python -m leaderboard figure --aggregate",
+    "python -m leaderboard figure ",
+    "python -m train.curves agents/",
     # Readers have these files, and the page shows them made in other ways.
     "python -m train.export mine-seed3.zip",
     "python -m leaderboard run --env RoughTurning-Family-v1 --agents submissions",
@@ -45,9 +48,6 @@ ELSEWHERE = (
     "python -m baselines.warm_up",
 )
 SMALLER = {
-    "make leaderboard": Smaller(
-        "SCENARIO=short.toml STEPS=20000 NUM_SEEDS=1 RUNS=few-runs RESULTS=few-results"
-    ),
     # Episodes of RoughTurning-Batch-v0 have twenty steps.
     "make agents": Smaller(
         "STEPS=3000 RUNS=few-seeds SHIPPED=few-agents SEEDS=0 CARDS=agents/*/batch_casting/ppo.md"
@@ -59,9 +59,6 @@ SMALLER = {
     "make verify": Smaller(
         "JOBS=1 "
         "VERIFY='--seeds 2 --env RoughTurning-Batch-v0 --policies parts_fixed_tuned ppo-seed0'"
-    ),
-    "python -m train.dagger": Smaller(
-        "--steps 512 --set num_envs=8 --set n_steps=32 --set teacher_steps=32 --set n_updates=2"
     ),
     "python -m train.ppo": Smaller("--steps 20000 --set num_envs=32"),
     "python -m train.tune agent": Smaller("--steps 4096 --trials 1 --scenario short.toml"),
@@ -103,6 +100,18 @@ def copy(tmp_path: Path) -> Path:
 def test_a_page_is_true(name: str, copy: Path) -> None:
     assert TEXTS[name]
     walk(TEXTS[name], copy, SMALLER, ELSEWHERE)
+
+
+def test_every_smaller_command_is_in_a_text() -> None:
+    printed = [
+        command
+        for text in TEXTS.values()
+        for block in blocks(text)
+        if block.language == "bash" and not block.text.startswith(LONG)
+        for command in commands(block)
+    ]
+    for start in SMALLER:
+        assert any(command.startswith(start) for command in printed), start
 
 
 @pytest.mark.slow

@@ -158,16 +158,18 @@ def walk(
 ) -> None:
     """Do in a copy what a page says.
 
-    Commands that start like one in ``elsewhere`` are left out. A block of text shows what the
-    program above it prints.
+    Commands that start like one in ``elsewhere`` are left out, and those that have been run before.
+    A block of text shows what the program above it prints.
     """
     printed = ""
+    run_before = set()
     for block in blocks(page):
         if block.title is not None:
             write_or_change(folder / block.title, block)
         elif block.language == "bash" and not block.text.startswith(LONG):
             for command in commands(block):
-                if not command.startswith(elsewhere):
+                if not command.startswith(elsewhere) and command not in run_before:
+                    run_before.add(command)
                     check(run(small(command, smaller), folder), command)
         elif block.language == "python":
             program = [sys.executable, *preloaded.PROGRAM, block.text]
