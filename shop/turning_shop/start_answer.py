@@ -164,8 +164,9 @@ def _plan_again(job: CatalogueJob, best: PartPlan, evidence: Evidence) -> PartPl
 
 
 def _between(low: Any, high: Any) -> str:
-    """Return a range of parts for people."""
-    return f"{_parts(low)} to {_parts(high)}"
+    """Return a range of parts for people; one number if both ends are the same."""
+    ends = dict.fromkeys((_parts(low), _parts(high)))
+    return " to ".join(ends)
 
 
 def _parts(count: Any) -> str:
