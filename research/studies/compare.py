@@ -82,8 +82,6 @@ class Variant(BaseModel):
     """Number of jobs of the family on which agents are trained; None: the family's."""
     trainings: int = Field(0, ge=0)
     """Number of training seeds; 0: that of the study."""
-    true_fields: str | tuple[str, ...] | None = None
-    """Prefixes of the fields whose true values the controller receives on jobs; None: of none."""
     family: str | None = None
     """Family of the jobs; None: the id's own."""
 
@@ -368,9 +366,8 @@ def _played_on_family(
     rule = catalogue.RULES.get(variant.policy)
     identity.append(rule.version if rule else VERSION)
     # The causal oracle receives all true values.
-    true_fields = "" if variant.policy == CAUSAL else variant.true_fields
-    truthful = family if true_fields is None else Truthful.of(family, true_fields)
-    plays = FamilyPlay(truthful, split, variant.policy, forgets=False)
+    known_family = Truthful.of(family) if variant.policy == CAUSAL else family
+    plays = FamilyPlay(known_family, split, variant.policy, forgets=False)
     work = partial(plays, family.job(0).scenario, jobs, lambda ended: None)
     return _cached(runs, identity, work)
 

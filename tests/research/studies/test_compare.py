@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from leaderboard.family import FamilyPlay
 from leaderboard.play import EPISODE_FIELDS
 from leaderboard.statistics import Floats
 from research.studies.compare import (
@@ -40,17 +41,14 @@ scenario.control.action = "set_point"
 policy = "fixed_tuned"
 """
 
-TRUE_LAWS = """
-question = "What are the true laws worth?"
+ON_JOBS = """
+question = "What is the truth worth?"
 task = "RoughTurning-Family-v1"
 seeds = "training_jobs"
 episodes = 1
 
-[variants.nominal_laws]
+[variants.nominal_optimum]
 policy = "fixed_nominal_optimum"
-[variants.true_laws]
-like = "nominal_laws"
-true_fields = ""
 """
 
 
@@ -199,20 +197,23 @@ def _played(**returns: Floats) -> VariantEpisodes:
 
 
 @pytest.mark.slow
-def test_true_laws_change_what_a_controller_earns_on_a_job(
+def test_a_controller_plays_the_jobs_of_a_family(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    # The fixed optimum depends on the laws alone, and no other controller is played as fast.
-    study = tmp_path / "true_laws.toml"
-    study.write_text(TRUE_LAWS)
+    study = tmp_path / "on_jobs.toml"
+    study.write_text(ON_JOBS)
     assert main([str(study), "--runs", str(tmp_path / "runs")]) == 0
-    _, _, nominal_laws, true_laws = capsys.readouterr().out.splitlines()
-    assert cells(nominal_laws)[1] != cells(true_laws)[1]
+    _, _, row = capsys.readouterr().out.splitlines()
+    family = Family.load("shop")
+    play = FamilyPlay(family, "train", "fixed_nominal_optimum", forgets=False)
+    episodes = play(family.job(0).scenario, [0], lambda ended: None)
+    mean_return = float(cells(row)[1].split()[0])
+    assert mean_return == pytest.approx(episodes["return"][0], abs=0.1)
 
 
 def test_parameters_of_a_controller_on_jobs_are_refused(tmp_path: Path) -> None:
     study = tmp_path / "mine.toml"
-    study.write_text(f"{TRUE_LAWS}settings = {{ top_speed = 0.5 }}\n")
+    study.write_text(f"{ON_JOBS}settings = {{ top_speed = 0.5 }}\n")
     with pytest.raises(UserError, match="plays jobs with its own parameters"):
         Study.read(str(study))
 
