@@ -96,6 +96,27 @@ def test_a_row_has_the_best_policy_of_each_kind_with_its_score(tasks: list[TaskS
     assert second["best rule"] == "`predictive` 50"
 
 
+def test_scores_of_the_table_are_rounded(make_scores: MakeTask) -> None:
+    """Scores of 59.7 and of -0.4."""
+    task = make_scores("RoughTurning-v0", "fixed_tuned", rule=-40.3, agent=(-100.4, -100.4))
+    (row,) = by_task([task])
+    assert row["best rule"] == "`predictive` 60"
+    assert row["best learner"] == "`ppo` 0 O"
+
+
+def test_a_policy_whose_feasibility_is_not_shown_is_named(make_result: MakeResult) -> None:
+    """12 s in one of four minutes are 5 %, as allowed, but may be more on other seeds."""
+    on = task_on("RoughTurning-v0")
+    board = leaderboard_of(
+        [
+            make_result("random", on=on, severe_overload_time=[12.0, 0.0, 0.0, 0.0], returns=-900.0),
+            make_result("fixed_tuned", on=on, returns=-100.0),
+            make_result("causal", on=on, policy=ORACLE, returns=0.0),
+        ]
+    )
+    assert not_feasible([TaskScores(board)]) == ["Feasibility not shown: `random` on v0."]
+
+
 def test_every_task_on_which_agents_are_ranked_has_a_row() -> None:
     labels = set(families())
     for env_id, preset in IDS.items():

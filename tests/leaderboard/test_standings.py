@@ -15,6 +15,7 @@ from leaderboard.scoring import compare
 from leaderboard.standings import Played, Standing, best_rule
 from leaderboard.statistics import Estimate, Floats, Mean
 from tests.leaderboard.conftest import ENV_ID, MakeResult, spec
+from tests.turning_env.playing import changed
 from turning_env import FAMILY_ID, SPLITS, Scenario
 
 
@@ -600,16 +601,27 @@ def test_parts_and_roughness_have_numbers_of_their_own(make_result: MakeResult, 
 
     part = only_standing(
         make_result(
-            "rule", on=on("batch_casting"), time=600.0, steps=8.0, edges_used=0.5, removed=500.0
+            "rule",
+            on=on("batch_casting"),
+            time=[600.0, 600.0, 600.0, 900.0],
+            steps=[8.0, 8.0, 8.0, 4.0],
+            edges_used=0.5,
+            removed=500.0,
         )
     )
     economics = Scenario.load("batch_casting").economics
-    assert part.costs.part_cost == pytest.approx((10.0 + 0.5 * economics.edge_cost) / 8.0)
+    # 45 min at work and 2 edges, for 28 parts.
+    assert part.costs.part_cost == pytest.approx((45.0 + 2.0 * economics.edge_cost) / 28.0)
     assert part.operation.roughness_deviation is None
     surface = only_standing(
-        make_result("rule", on=on("surface"), time=50.0, roughness_deviation=20.0)
+        make_result(
+            "rule",
+            on=on("surface"),
+            time=[50.0, 50.0, 50.0, 150.0],
+            roughness_deviation=[20.0, 20.0, 20.0, 0.0],
+        )
     )
-    assert surface.operation.roughness_deviation == pytest.approx(0.4)
+    assert surface.operation.roughness_deviation == pytest.approx(60.0 / 300.0)
     assert surface.costs.part_cost is None
     # A roughness that is held earns nothing for metal.
     assert surface.costs.full_cost is None
@@ -621,6 +633,26 @@ def family_task(task: Task) -> Task:
     identity = ScenarioId(name="shop", digest="0" * 64)
     split = FamilySplit(family=identity, split="unseen_jobs")
     return task.model_copy(update={"env_id": FAMILY_ID, "of_family": split})
+
+
+def test_the_allowance_decides_and_not_the_tolerance(
+    make_result: MakeResult, task: Task, family_task: Task
+) -> None:
+    """Cutting is in severe overload for 7 % of the time, of which 10 % are allowed.
+
+    The tolerance, beyond which an overload is severe, is 5 %.
+    """
+    allowing = []
+    for on in (task, family_task):
+        scenario = changed(on.scenario, limits={"overload_allowance": 0.1})
+        assert scenario.limits.overload_tolerance == 0.05
+        allowing.append(on.model_copy(update={"scenario": scenario}))
+    severe = {"engaged_time": 100.0, "severe_overload_time": 7.0}
+    assert only_standing(make_result("rule", on=allowing[0], **severe)).feasible
+    assert not only_standing(make_result("rule", **severe)).feasible
+    jobs = only_standing(make_result("rule", on=allowing[1], **severe))
+    assert jobs.feasible
+    assert jobs.operation.feasible_jobs == 1.0
 
 
 def test_jobs_of_families_by_hand(make_result: MakeResult, family_task: Task) -> None:

@@ -340,9 +340,9 @@ def test_the_deviations_of_the_prior_give_the_history_the_scale_of_the_insert() 
 
 def test_the_position_is_counted_from_the_bars_approach() -> None:
     estimate = filled()
-    estimate.memory["path"] = (700.0, 100.0)
     pitch = QUIET.workpiece.bar_length + QUIET.workpiece.approach
-    assert estimate.along == pytest.approx([60.0, 100.0 % pitch])
+    estimate.memory["path"] = (700.0, 0.9 * pitch)
+    assert estimate.along == pytest.approx([60.0, 0.9 * pitch])
 
 
 def test_the_wear_factor_and_its_deviation_are_a_weighted_sum() -> None:
