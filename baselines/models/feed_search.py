@@ -160,8 +160,8 @@ def search(parameters, moments, environments, points, best):
     """Fill in the best set points.
 
     Args:
-        parameters: records of laws and prices (``edge_value.numbers``), for all environments or
-            each.
+        parameters: records of laws and prices (``edge_value.life_numbers``), for all environments
+            or each.
         moments: records of ``MOMENT``, shape (1 or num_envs, points).
         environments: records of ``ENVIRONMENT``, shape (num_envs,).
         points: records of ``POINT``, shape (num_envs, points).
