@@ -1,6 +1,7 @@
 """A card says what the files and the results say."""
 
 import hashlib
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -25,21 +26,29 @@ from turning_env import Scenario
 pytestmark = pytest.mark.slow  # exports and plays agents
 
 
-@pytest.fixture
-def shipped(tmp_path: Path, task: Task) -> Path:
+@pytest.fixture(scope="module")
+def played(tmp_path_factory: pytest.TempPathFactory, task: Task) -> Path:
     """Two training seeds of one agent with their results, also on a split, and a rule."""
+    project = tmp_path_factory.mktemp("project")
     home = task.model_copy(update={"scenario": onnx_agents.SCENARIO})
     harder = Scenario.load("harder_lot")
     short_and_harder = harder.model_copy(update={"control": onnx_agents.SCENARIO.control})
     split = task.model_copy(update={"scenario": short_and_harder, "seeds": [5, 6]})
-    agents = tmp_path / "agents" / ENV_ID / "short"
+    agents = project / "agents" / ENV_ID / "short"
     paths = [onnx_agents.write(agents, seed, memory=True) for seed in (0, 1)]
-    for played in (home, split):
-        rule = policies.one_named("fixed_handbook", on(played.scenario))
-        folder = result_folder(tmp_path / "results", ENV_ID, played.scenario.name)
-        for policy in [*policies.agents(paths, on(played.scenario)), rule]:
+    for one_task in (home, split):
+        rule = policies.one_named("fixed_handbook", on(one_task.scenario))
+        folder = result_folder(project / "results", ENV_ID, one_task.scenario.name)
+        for policy in [*policies.agents(paths, on(one_task.scenario)), rule]:
             assert policy.tuned_for in (None, ScenarioId.of(home.scenario))
-            write_result(result_of(policy, played), folder)
+            write_result(result_of(policy, one_task), folder)
+    return project
+
+
+@pytest.fixture
+def shipped(tmp_path: Path, played: Path) -> Path:
+    """A copy of this project, which a test may change."""
+    shutil.copytree(played, tmp_path, dirs_exist_ok=True)
     return tmp_path
 
 
