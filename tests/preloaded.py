@@ -238,7 +238,8 @@ def prepare(folder: str, variables: dict[str, str], streams: list[int]) -> None:
 def act(arguments: list[str]) -> None:
     """Do what Python does with these arguments."""
     if arguments[0] == MODULE:
-        sys.argv = arguments[1:]
+        # The first is "-m" while Python looks for the module, and then its path.
+        sys.argv = [MODULE, *arguments[2:]]
         runpy.run_module(arguments[1], run_name="__main__", alter_sys=True)
     else:
         warnings.simplefilter("error")

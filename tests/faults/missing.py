@@ -2,43 +2,52 @@
 
 import os
 import subprocess
-import sys
 from pathlib import Path
 
-ROOT = Path(__file__).parents[2]
+from tests import preloaded
+from tests.walking import MAX_SECONDS, ROOT
+
 WITHOUT = """
-import importlib.abc, os, sys
+import importlib.abc, runpy, sys
 
 class Without(importlib.abc.MetaPathFinder):
     def find_spec(self, name, path=None, target=None):
-        if name.partition(".")[0] == os.environ["WITHOUT"]:
-            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+        if name.partition(".")[0] == {package!r}:
+            raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
 
 sys.meta_path.insert(0, Without())
+for name in list(sys.modules):
+    if name.partition(".")[0] == {package!r}:
+        del sys.modules[name]
+"""
+RUN = """
+# The first is "-m" while Python looks for the module, and then its path.
+sys.argv = {arguments!r}
+runpy.run_module({module!r}, run_name="__main__", alter_sys=True)
 """
 
 
-def python(folder: Path, package: str, *arguments: str) -> "subprocess.CompletedProcess[str]":
-    """Run Python where a package is missing; ``folder`` gets the file that hides it."""
-    (folder / "sitecustomize.py").write_text(WITHOUT)
-    variables = os.environ | {
-        "WITHOUT": package,
-        "PYTHONPATH": os.pathsep.join((str(ROOT), str(ROOT / "shop"), str(folder))),
-    }
-    return subprocess.run(
-        [sys.executable, *arguments],
-        cwd=ROOT,
-        env=variables,
-        capture_output=True,
-        text=True,
-        check=False,
+def run_program(package: str, program: str) -> "subprocess.CompletedProcess[str]":
+    """Run a program where a package is missing, as if it had never been installed."""
+    return preloaded.run(
+        "shared",
+        [*preloaded.PROGRAM, WITHOUT.format(package=package) + program],
+        folder=ROOT,
+        max_seconds=MAX_SECONDS,
+        variables={"PYTHONPATH": os.pathsep.join((str(ROOT), str(ROOT / "shop")))},
     )
+
+
+def run_module(package: str, words: list[str]) -> "subprocess.CompletedProcess[str]":
+    """Run ``python -m`` with these words where a package is missing."""
+    module, *arguments = words
+    return run_program(package, RUN.format(module=module, arguments=["-m", *arguments]))
 
 
 def check_missing(folder: Path, package: str, command: str) -> None:
     """Check that a command says in one line that a package is missing, and how to install it."""
     words = command.replace("FILE", str(folder / "film")).split()
-    finished = python(folder, package, "-m", *words)
+    finished = run_module(package, words)
     assert finished.returncode == 2, finished.stderr
     (line,) = finished.stderr.splitlines()
     assert line.startswith("error: ")

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.faults.missing import check_missing, python
+from tests.faults.missing import check_missing, run_module, run_program
 
 pytestmark = pytest.mark.slow
 
@@ -49,10 +49,10 @@ def test_what_is_missing_is_said_in_one_line(package: str, command: str, tmp_pat
     check_missing(tmp_path, package, command)
 
 
-def test_scoring_an_agent_without_onnxruntime_says_how_to_install_it(tmp_path: Path) -> None:
+def test_scoring_an_agent_without_onnxruntime_says_how_to_install_it() -> None:
     agent = "agents/RoughTurning-Batch-v0/batch_casting/ppo-seed0.onnx"
     code = f"import leaderboard; leaderboard.score('{agent}')"
-    finished = python(tmp_path, "onnxruntime", "-c", code)
+    finished = run_program("onnxruntime", code)
     last = finished.stderr.splitlines()[-1]
     assert (
         last == "ModuleNotFoundError: onnxruntime is not installed: "
@@ -62,7 +62,6 @@ def test_scoring_an_agent_without_onnxruntime_says_how_to_install_it(tmp_path: P
 
 def test_without_torch_rules_are_played(tmp_path: Path) -> None:
     words = [
-        "-m",
         "leaderboard",
         "run",
         "--env",
@@ -72,5 +71,6 @@ def test_without_torch_rules_are_played(tmp_path: Path) -> None:
         "--policies",
         "programmed_feed",
     ]
-    assert python(tmp_path, "torch", *words, "--results", str(tmp_path / "results")).returncode == 0
+    words += ["--results", str(tmp_path / "results")]
+    assert run_module("torch", words).returncode == 0
     assert (tmp_path / "results" / "index.html").exists()
