@@ -109,7 +109,9 @@ def test_a_policy_whose_feasibility_is_not_shown_is_named(make_result: MakeResul
     on = task_on("RoughTurning-v0")
     board = leaderboard_of(
         [
-            make_result("random", on=on, severe_overload_time=[12.0, 0.0, 0.0, 0.0], returns=-900.0),
+            make_result(
+                "random", on=on, severe_overload_time=[12.0, 0.0, 0.0, 0.0], returns=-900.0
+            ),
             make_result("fixed_tuned", on=on, returns=-100.0),
             make_result("causal", on=on, policy=ORACLE, returns=0.0),
         ]
