@@ -107,6 +107,12 @@ SCENARIO = changed(
 )
 
 
+def test_a_process_has_no_speed_that_the_spindle_does_not_reach() -> None:
+    """At 600 rev/min a bar of 100 mm moves at 60 pi m/min, less than the machine's 360."""
+    slow = changed(SCENARIO, workpiece={"diameter": 100.0}, spindle={"max_speed": 600.0})
+    assert Process.of(slow).cutting_speed_range == pytest.approx((40.0, 60.0 * math.pi))
+
+
 def test_the_process_of_a_scenario_has_its_laws_limits_and_prices() -> None:
     process = Process.of(SCENARIO)
     assert process.wear == SCENARIO.material.wear

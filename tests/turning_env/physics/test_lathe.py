@@ -547,6 +547,7 @@ def test_metal_and_excess_over_the_limits_are_summed(
         idle_power_per_speed=0.005,
         capacity_per_speed=0.0025,
         overload_tolerance=0.05,
+        overload_allowance=0.2,
     )
     put(records.state, thrust_force=force, power=power, cutting_speed=200.0, feed=0.3)
     put(records.state, depth_of_cut=2.0, spindle_heat=2.0)

@@ -111,7 +111,7 @@ def test_an_episode_ends_by_its_job_its_edge_or_its_time(
 )
 def test_a_step_finishes_with_means(by_step: bool, engaged_time: float, means: list[float]) -> None:
     records = records_of(path_end=900.0, step_limit=50, overload_price=2.0)
-    put(records.p, overload_allowance=0.05)
+    put(records.p, overload_allowance=0.05, overload_tolerance=0.1)
     put(records.work, minutes=0.5, edge_failed=1)
     put(
         records.report,
