@@ -12,6 +12,8 @@ from tqdm import tqdm
 
 LINE_EVERY = 30.0
 """Time between two lines [s]. Shorter commands print none."""
+MIN_SHARE = 0.01
+"""Share of the steps after which a line foretells the time left: the first steps may compile."""
 _DONE = "{desc}: {percentage:.0f} %, {n_fmt} of {total_fmt} {unit}s"
 _TIMES = "{elapsed} passed, {remaining} left"
 
@@ -25,6 +27,14 @@ class ProgressLines(tqdm):  # type: ignore[type-arg]
         options["miniters"] = 0
         options["bar_format"] = f"{_DONE}, {_TIMES}{{postfix}}"
         super().__init__(*args, **options)
+
+    @property
+    def format_dict(self) -> Any:
+        """The numbers of a line, without a rate while few steps are done."""
+        numbers = super().format_dict
+        if self.total and self.n - self.initial < MIN_SHARE * self.total:
+            numbers |= {"rate": None, "initial": self.n}
+        return numbers
 
     def display(self, msg: str | None = None, pos: int | None = None) -> None:
         """Print a line if the last one is long ago."""

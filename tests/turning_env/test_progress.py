@@ -29,6 +29,22 @@ def test_lines_say_how_far_a_command_is(
     assert lines[-1].endswith(", return per episode -3 s")
 
 
+def test_the_first_steps_foretell_no_time(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(progress, "LINE_EVERY", 0.0)
+    with progress.progress(total=1000, unit="step", mininterval=0.0) as bar:
+        for _ in range(500):
+            bar.update()
+    lines = capsys.readouterr().err.splitlines()
+    few = [line for line in lines if " 5 of 1000 steps" in line]
+    many = [line for line in lines if " 500 of 1000 steps" in line]
+    assert few
+    assert many
+    assert all(line.endswith("? left") for line in few)
+    assert not any("? left" in line for line in many)
+
+
 def test_a_short_command_prints_no_line(capsys: pytest.CaptureFixture[str]) -> None:
     assert set(shown_by_a_training(capsys).splitlines()) == {"a note"}
 
