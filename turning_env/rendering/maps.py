@@ -73,7 +73,7 @@ class HalfPlane(NamedTuple):
         return self.cutting_speed * log_speed + self.feed * log_feed - self.room
 
 
-class CutConditions(NamedTuple):
+class PresentCut(NamedTuple):
     """The metal and the edge that cuts it."""
 
     depth: float  # depth of cut [mm]
@@ -102,7 +102,7 @@ class Contour(NamedTuple):
     text: str
 
 
-def bound(law: PowerLaw, limit: float, cut: CutConditions) -> HalfPlane:
+def bound(law: PowerLaw, limit: float, cut: PresentCut) -> HalfPlane:
     """Return the half-plane in which a response does not exceed a limit, in its unit."""
     response = float(law(1.0, 1.0, cut.depth, time=1.0, wear=cut.wear, hardness=cut.hardness))
     return HalfPlane(law.cutting_speed, law.feed, room=math.log(limit / response))
@@ -110,7 +110,7 @@ def bound(law: PowerLaw, limit: float, cut: CutConditions) -> HalfPlane:
 
 def wear_bound(
     scenario: Scenario,
-    cut: CutConditions,
+    cut: PresentCut,
     wear_factor: float,
     used_life: float,
     cutting_time: float,
@@ -136,7 +136,7 @@ def wear_bound(
         # The published rule: wear grows by K ((t + dt)^n - t^n), whatever was cut before.
         end = cutting_time + minutes
         limit = wear_left / (end**law.time - cutting_time**law.time)
-    return bound(law, limit / wear_factor, CutConditions(cut.depth, cut.hardness, wear=1.0))
+    return bound(law, limit / wear_factor, PresentCut(cut.depth, cut.hardness, wear=1.0))
 
 
 def clip(corners: Sequence[Point], limit: HalfPlane) -> Clipped:
@@ -255,7 +255,7 @@ class OperatingMap:
         draw_key(image, (left, self._box.bottom + 52), of_others)
 
     def _limits(
-        self, cut: CutConditions, wear_factor: float, used_life: float, now: dict[str, float]
+        self, cut: PresentCut, wear_factor: float, used_life: float, now: dict[str, float]
     ) -> list[DrawnLimit]:
         """Return the limits at the present speed and cutting time."""
         scenario = self._scenario
@@ -285,7 +285,7 @@ class OperatingMap:
             limits.append(DrawnLimit(half_plane, POWER))
         return limits
 
-    def _reference_line(self, cut: CutConditions, now: dict[str, float]) -> DrawnLimit:
+    def _reference_line(self, cut: PresentCut, now: dict[str, float]) -> DrawnLimit:
         """Return the line on which the force gives the reference of roughness."""
         surface = self._scenario.surface
         # Ra = a exp(b F)
@@ -320,7 +320,7 @@ class OperatingMap:
         if history.passes:
             depth = max(history.passes[-1].depth, MIN_DEPTH)
         # Limits are those of the edge as it is; they close in as it wears.
-        cut = CutConditions(depth, history.hardness, history.wear)
+        cut = PresentCut(depth, history.hardness, history.wear)
         limits = self._limits(cut, now["wear_factor"], used_life=now["used_life"], now=now)
         allowed = self._region(limits)
         # A polygon of fewer corners is empty.
@@ -353,7 +353,7 @@ class OperatingMap:
 
     def _draw_nominal_region(self, draw: ImageDraw.ImageDraw, history: History) -> None:
         """Draw the outline of the region that is allowed by the nominal model."""
-        cut = CutConditions(self._nominal_depth, hardness=1.0, wear=history.nominal_wear)
+        cut = PresentCut(self._nominal_depth, hardness=1.0, wear=history.nominal_wear)
         limits = self._limits(
             cut, wear_factor=1.0, used_life=history.nominal_used_life, now=history.now
         )
