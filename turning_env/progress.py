@@ -31,9 +31,10 @@ class ProgressLines(tqdm):  # type: ignore[type-arg]
     @property
     def format_dict(self) -> Any:
         """The numbers of a line, without a rate while few steps are done."""
-        numbers = super().format_dict
+        numbers = dict(super().format_dict)
         if self.total and self.n - self.initial < MIN_SHARE * self.total:
-            numbers |= {"rate": None, "initial": self.n}
+            numbers["rate"] = None
+            numbers["initial"] = self.n
         return numbers
 
     def display(self, msg: str | None = None, pos: int | None = None) -> None:
