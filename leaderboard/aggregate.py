@@ -54,7 +54,10 @@ WHAT_IT_ASKS = {
     "RoughTurning-Override-v1": "holding the spindle load against a lag",
     "RoughTurning-Surface-v1": "holding a roughness against a lag",
 }
-"""What each task on which agents are ranked asks of a policy, in the order of the table."""
+"""Words on what a task asks of a policy, by its label, in the order of the table of tasks.
+
+It has the tasks on which agents are ranked.
+"""
 LETTERS = {
     "model-free agent": "M",
     "agent on a belief": "B",

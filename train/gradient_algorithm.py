@@ -1,4 +1,4 @@
-"""What algorithms share whose teachers tell gradients: training of a recurrent agent by rollouts.
+"""The base class of algorithms that train a recurrent agent by a teacher's gradients of rollouts.
 
 A subclass tells how it makes its policy, how it takes a step, and the objective of a rollout.
 """

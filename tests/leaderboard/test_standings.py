@@ -155,7 +155,7 @@ def test_policies_are_compared_with_the_best_other_rule(compared: dict[str, Stan
 
 
 def test_a_rule_whose_feasibility_is_not_shown_is_no_best_rule(make_result: MakeResult) -> None:
-    """Of 5 % allowed, 12 s in one of four minutes of cutting are 5 % too, but may be more."""
+    """12 s of four minutes are the 5 % that are allowed, but the confidence limit is above them."""
     standings = standings_of(
         [
             make_result("doubtful", severe_overload_time=[12.0, 0.0, 0.0, 0.0], returns=100.0),

@@ -1,4 +1,4 @@
-"""What goes with an agent: the same in training, as wrappers, and in play, as a policy."""
+"""An agent sees and sets the same in training, by wrappers, as in play, by its policy."""
 
 from typing import Any
 
