@@ -8,7 +8,7 @@ from tests import preloaded
 from tests.walking import MAX_SECONDS, ROOT
 
 WITHOUT = """
-import importlib.abc, runpy, sys
+import importlib.abc, sys
 
 class Without(importlib.abc.MetaPathFinder):
     def find_spec(self, name, path=None, target=None):
@@ -21,9 +21,9 @@ for name in list(sys.modules):
         del sys.modules[name]
 """
 RUN = """
-# The first is "-m" while Python looks for the module, and then its path.
-sys.argv = {arguments!r}
-runpy.run_module({module!r}, run_name="__main__", alter_sys=True)
+from tests import preloaded
+
+preloaded.act({arguments!r})
 """
 
 
@@ -40,8 +40,7 @@ def run_program(package: str, program: str) -> "subprocess.CompletedProcess[str]
 
 def run_module(package: str, words: list[str]) -> "subprocess.CompletedProcess[str]":
     """Run ``python -m`` with these words where a package is missing."""
-    module, *arguments = words
-    return run_program(package, RUN.format(module=module, arguments=["-m", *arguments]))
+    return run_program(package, RUN.format(arguments=[preloaded.MODULE, *words]))
 
 
 def check_missing(folder: Path, package: str, command: str) -> None:
