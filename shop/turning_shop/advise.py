@@ -225,6 +225,38 @@ def advise(scenario: Scenario, evidence: Evidence) -> list[Advice]:
         WorkshopError: No speed and feed keep the limits with a worn edge, or the scenario is not
             one of plain bars.
     """
+    tried = _plans_to_choose_from(scenario, evidence)
+    best_plans: dict[str, PartPlan] = {}
+    for aim in AIMS:
+        if aim == MIN_MEASURED_COST and not best_plans[MIN_COST].mark:
+            continue  # the least cost is within the measured range
+        best = best_plan(scenario, evidence, tried, aim=aim)
+        if best:
+            best_plans[aim] = best
+    bounds = _bounds(scenario, evidence, tried, best_plans=best_plans)
+    return [Advice(aim, best, tuple(bounds[aim])) for aim, best in best_plans.items()]
+
+
+def cheapest(scenario: Scenario, evidence: Evidence) -> PartPlan:
+    """Return the plan of the least cost, the first that ``advise`` returns.
+
+    It does without the limits that bind, whose search takes most of the time of ``advise``.
+
+    Raises:
+        WorkshopError: As ``advise`` does.
+    """
+    tried = _plans_to_choose_from(scenario, evidence)
+    best = best_plan(scenario, evidence, tried, aim=MIN_COST)
+    assert best is not None  # at least one of them keeps the limits
+    return best
+
+
+def _plans_to_choose_from(scenario: Scenario, evidence: Evidence) -> PartPlan:
+    """Return the plans that are tried, of which at least one keeps the limits.
+
+    Raises:
+        WorkshopError: As ``advise`` does.
+    """
     if scenario.control.action == "part":
         raise WorkshopError(
             'control.action is "part": advise covers bars at one depth, '
@@ -240,15 +272,7 @@ def advise(scenario: Scenario, evidence: Evidence) -> list[Advice]:
             f"reduce workpiece.depth_of_cut to about {depth:.2g} mm"
             f"{_help_against_bending(scenario)}"
         )
-    advice: list[Advice] = []
-    for aim in AIMS:
-        if aim == MIN_MEASURED_COST and not advice[0].plan.mark:
-            continue  # the least cost is within the measured range
-        best = best_plan(scenario, evidence, tried, aim=aim)
-        if best:
-            bounds = tuple(_bounds(scenario, evidence, aim, best=best))
-            advice.append(Advice(aim, best, bounds))
-    return advice
+    return tried
 
 
 def settings(scenario: Scenario) -> tuple[Values, Values, Values]:
@@ -377,30 +401,47 @@ _CHIP_WINDOW = (
 )
 
 
-def _bounds(scenario: Scenario, evidence: Evidence, aim: str, best: PartPlan) -> Iterator[Bound]:
-    """Yield the limits that bind: the aim gains from lifting a limit or from widening a range."""
+def _bounds(
+    scenario: Scenario, evidence: Evidence, tried: PartPlan, best_plans: Mapping[str, PartPlan]
+) -> dict[str, list[Bound]]:
+    """Return the limits that bind each aim: it gains from lifting a limit or widening a range.
+
+    ``tried`` are the plans of the scenario, and ``best_plans`` the best of them by their aims.
+    """
     limits: tuple[_Limit, ...] = _LOAD_LIMITS + _RANGE_ENDS
     if scenario.swarf.tangle_rate > 0.0:
         limits += _CHIP_WINDOW
-    bound_names: set[str] = set()
+    bounds: dict[str, list[Bound]] = {aim: [] for aim in best_plans}
     for limit in limits:
         lifted = _lifted(scenario, limit)
+        if lifted == scenario:
+            continue  # the limit is off
         is_load = limit.no_limit is not None
-        better = _better(scenario, evidence, aim, best=best, lifted=lifted, is_load=is_load)
-        if better is None:
-            continue
-        bound_names.add(limit.name)
-        yield Bound(
-            limit.path,
-            limit=_named_value(scenario, limit, best.cuts),
-            law=_law_known(limit, evidence) if is_load else "",
-            without=better,
-        )
+        # Without a limit of load, more of the same plans are allowed; a wider range has others.
+        plans = tried if is_load else tried_plans(lifted, evidence)
+        for aim, best in best_plans.items():
+            better = _better(
+                scenario, evidence, aim, best=best, lifted=lifted, tried=plans, is_load=is_load
+            )
+            if better is not None:
+                bound = Bound(
+                    limit.path,
+                    limit=_named_value(scenario, limit, best.cuts),
+                    law=_law_known(limit, evidence) if is_load else "",
+                    without=better,
+                )
+                bounds[aim].append(bound)
     # Of two ends at the same feed or speed neither binds alone, but both together may.
     for names in (_HIGHEST_FEEDS, _HIGHEST_SPEEDS):
         ends = [limit for limit in limits if limit.name in names]
-        if not bound_names.intersection(names):
-            yield from _joint_bound(scenario, evidence, aim, best=best, ends=ends)
+        paths = {end.path for end in ends}
+        without_bound = {}
+        for aim, best in best_plans.items():
+            if not any(bound.name in paths for bound in bounds[aim]):
+                without_bound[aim] = best
+        for aim, bound in _joint_bounds(scenario, evidence, ends, best_plans=without_bound):
+            bounds[aim].append(bound)
+    return bounds
 
 
 def _better(
@@ -409,12 +450,14 @@ def _better(
     aim: str,
     best: PartPlan,
     lifted: Scenario,
+    tried: PartPlan,
     is_load: bool,
 ) -> PartPlan | None:
-    """Return the best plan of a scenario with lifted limits; None if the aim gains too little."""
-    if lifted == scenario:
-        return None  # the limit is off
-    better = best_plan(lifted, evidence, tried_plans(lifted, evidence), aim=aim)
+    """Return the best plan of a scenario with lifted limits; None if the aim gains too little.
+
+    ``tried`` are the plans of the lifted scenario.
+    """
+    better = best_plan(lifted, evidence, tried, aim=aim)
     objective = _objective(best, aim)
     if not better or objective - _objective(better, aim) <= BINDS * abs(objective):
         return None
@@ -423,16 +466,29 @@ def _better(
     return better
 
 
-def _joint_bound(
-    scenario: Scenario, evidence: Evidence, aim: str, best: PartPlan, ends: list[_Limit]
-) -> Iterator[Bound]:
-    """Yield the bound of the ends of one range that bind together, if they do."""
+def _joint_bounds(
+    scenario: Scenario,
+    evidence: Evidence,
+    ends: list[_Limit],
+    best_plans: Mapping[str, PartPlan],
+) -> Iterator[tuple[str, Bound]]:
+    """Yield each aim that the ends of one range bind together, and this bound."""
     widened = scenario
     for end in ends:
         widened = _lifted(widened, end)
-    better = _better(scenario, evidence, aim, best=best, lifted=widened, is_load=False)
-    if better is None:
+    if not best_plans or widened == scenario:
         return
+    tried = tried_plans(widened, evidence)
+    for aim, best in best_plans.items():
+        better = _better(
+            scenario, evidence, aim, best=best, lifted=widened, tried=tried, is_load=False
+        )
+        if better is not None:
+            yield aim, _joint_bound(scenario, ends, best=best, better=better)
+
+
+def _joint_bound(scenario: Scenario, ends: list[_Limit], best: PartPlan, better: PartPlan) -> Bound:
+    """Return the bound of the ends of one range beyond which a better plan lies."""
     # An end belongs to them if the cut is out of reach with this end alone left as it is.
     binding = []
     for end in ends:
@@ -447,7 +503,7 @@ def _joint_bound(
     for other_end in others:
         joint += f", with {_named_value(scenario, other_end, best.cuts)}"
     limit = _named_value(scenario, first, best.cuts)
-    yield Bound(first.path, limit=limit, law="", without=better, joint=joint)
+    return Bound(first.path, limit=limit, law="", without=better, joint=joint)
 
 
 def _named_value(scenario: Scenario, limit: _Limit, cuts: Cuts) -> str:

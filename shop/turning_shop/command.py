@@ -500,13 +500,13 @@ def _map(options: argparse.Namespace) -> int:
 
 def _advised(scenario: Scenario, evidence: "Evidence", depth: float | None) -> "PartPlan | None":
     """Return the advised cut at a depth [mm], or None and a warning if none can be advised."""
-    from turning_shop.advise import advise
+    from turning_shop.advise import cheapest
 
     if depth is not None:
         work = scenario.workpiece.model_copy(update={"depth_of_cut": depth})
         scenario = scenario.model_copy(update={"workpiece": work})
     try:
-        return advise(scenario, evidence)[0].plan
+        return cheapest(scenario, evidence)
     except WorkshopError as error:
         _warn(f"no advised cut is marked: {error}")
         return None

@@ -68,7 +68,7 @@ class LawEvidence(BaseModel, frozen=True, allow_inf_nan=False):
             regressors.append(regressor(law, name, factors))
         slopes = np.stack(np.broadcast_arrays(*regressors), axis=-1)
         covariance = np.array(self.covariance)
-        variance = np.einsum("...i,ij,...j", slopes, covariance, slopes)
+        variance = np.sum((slopes @ covariance) * slopes, axis=-1)
         variance = np.maximum(variance, 0.0)
         if of_reading:
             variance = variance + self.scatter**2

@@ -53,13 +53,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def _advised_tool(path: Path) -> LibraryTool:
     """Return the tool of a scenario's file, with the advised cut."""
-    from turning_shop.advise import advise
+    from turning_shop.advise import cheapest
     from turning_shop.provenance import load
 
     scenario, evidence = load(str(path))
     for warning in evidence.warnings:
         print(f"warning: {path}: {warning}", file=sys.stderr)
-    cut = advise(scenario, evidence)[0].plan.cuts
+    cut = cheapest(scenario, evidence).cuts
     # "CNMG120408-PM P25 in 42CrMo4", see start.py
     name, _, material = evidence.tool.partition(" in ")
     designation, _, grade = name.rpartition(" ")

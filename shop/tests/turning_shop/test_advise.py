@@ -18,6 +18,7 @@ from turning_shop.advise import (
     Prices,
     advise,
     best_plan,
+    cheapest,
     headline,
     part_volume,
     plan,
@@ -76,6 +77,7 @@ def test_advice_keeps_the_limits_and_names_those_that_bind() -> None:
         ).within_limits
         assert entry.plan.parts == int(entry.plan.parts) > 0
         assert entry.plan.minutes <= cuts.time * worst
+    assert cheapest(scenario, Evidence()).where == cost.plan.where
     assert cost.plan.cost <= metal.plan.cost
     assert cost.plan.mean_removal_rate <= metal.plan.mean_removal_rate
     limits = [bound.limit for bound in cost.bounds]
