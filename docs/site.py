@@ -59,9 +59,12 @@ def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
 
 
 def on_page_content(content: str, **_: Any) -> str:
-    """Link every picture to its file, which a phone can enlarge."""
+    """Link every picture to its file, which a phone can enlarge, and mark cells of numbers."""
     picture = r'<img [^>]*\bsrc="([^"]+)"[^>]*>'
-    return re.sub(picture, r'<a href="\1">\g<0></a>', content)
+    content = re.sub(picture, r'<a href="\1">\g<0></a>', content)
+    number = r"-?\d[\d.,]*(?: [kM%])?"
+    interval = r"(?: \([^<]*\))?"
+    return re.sub(f"<td([^>]*)>({number}{interval})</td>", r'<td class="number"\1>\2</td>', content)
 
 
 def pages() -> dict[str, str]:
