@@ -84,13 +84,21 @@ def readings_of(info: dict[str, Any], scenario: Scenario) -> Readings:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "preset",
-    ["rough_turning", "override", "surface", "rough_turning_current", "override_torque", "paper"],
+    ("preset", "steps"),
+    [
+        ("rough_turning", 160),
+        ("override", 80),
+        ("surface", 80),
+        ("rough_turning_current", 160),
+        ("override_torque", 80),
+        ("paper", 30),
+    ],
 )
-def test_readings_of_the_simulator_give_its_observations(preset: str) -> None:
+def test_readings_of_the_simulator_give_its_observations(preset: str, steps: int) -> None:
+    """The steps suffice to enter a bar, and where they are long the next one."""
     scenario = Scenario.load(preset)
     env = gymnasium.make("RoughTurning-v0", scenario=scenario, disable_env_checker=True)
-    shape = (200, 1, action_size(scenario))
+    shape = (steps, 1, action_size(scenario))
     answers = np.random.default_rng(7).uniform(-0.3, 0.3, shape).astype(np.float32)
     shield = Shield(Scripted(answers), scenario, 1)
     controller = Controller(scenario, lambda num_envs: Scripted(answers))

@@ -53,10 +53,10 @@ class Lathe(NamedTuple):
         return self.nodes[name].read_value()
 
 
-@pytest.fixture
-def lathe(tmp_path: Path) -> Iterator[Lathe]:
-    """Yield a control that lets everybody in."""
-    with serving(tmp_path, lambda server: None) as lathe:
+@pytest.fixture(scope="module")
+def lathe(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Lathe]:
+    """Yield a control that lets everybody in; a server needs more than a second to start."""
+    with serving(tmp_path_factory.mktemp("lathe"), lambda server: None) as lathe:
         yield lathe
 
 
@@ -289,15 +289,16 @@ class Guarded:
     Known are the user "turner" with a password, and clients with a certificate.
     """
 
+    policies = (
+        "Basic256Sha256_Sign",
+        "Basic256Sha256_SignAndEncrypt",
+        "Aes128Sha256RsaOaep_SignAndEncrypt",
+    )
+
     def __init__(self, folder: Path) -> None:
         self.certificate, self.key = certified(folder, "server")
         self.client_certificate, self.client_key = certified(folder, "client")
         self.other_certificate, _ = certified(folder, "other")
-        self.policies = [
-            "Basic256Sha256_Sign",
-            "Basic256Sha256_SignAndEncrypt",
-            "Aes128Sha256RsaOaep_SignAndEncrypt",
-        ]
         self.tokens = ["UserNameIdentityToken"]
 
     def protect(self, server: Any) -> None:
@@ -334,6 +335,12 @@ class Guarded:
         return replace(accepted, **changed)
 
 
+@pytest.fixture(scope="module")
+def guarded(tmp_path_factory: pytest.TempPathFactory) -> Guarded:
+    """Return a guarded server and its clients, with certificates for all tests."""
+    return Guarded(tmp_path_factory.mktemp("guarded"))
+
+
 def drive(lathe: Lathe, security: Security) -> None:
     """Drive a server for three cycles."""
     cycles = iter([True, True, True, False])
@@ -350,9 +357,8 @@ def drive(lathe: Lathe, security: Security) -> None:
 @pytest.mark.slow
 @pytest.mark.filterwarnings("default")
 def test_a_guarded_server_is_driven_with_user_and_certificate_only(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    guarded: Guarded, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    guarded = Guarded(tmp_path)
     lacking = [
         Security(),
         Security(user="turner", password="secret"),
@@ -384,9 +390,10 @@ def test_a_guarded_server_is_driven_with_user_and_certificate_only(
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("default")
-def test_a_certificate_can_be_the_user(tmp_path: Path) -> None:
-    guarded = Guarded(tmp_path)
-    guarded.tokens = ["X509IdentityToken"]
+def test_a_certificate_can_be_the_user(
+    guarded: Guarded, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(guarded, "tokens", ["X509IdentityToken"])
     with serving(tmp_path, guarded.protect) as lathe:
         drive(lathe, guarded.security(user=None, password=None))
         assert lathe.value("status") == Status.SAFE
@@ -395,9 +402,9 @@ def test_a_certificate_can_be_the_user(tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.filterwarnings("default")
 def test_a_certificate_is_never_given_up_for_an_open_connection(
-    lathe: Lathe, tmp_path: Path
+    lathe: Lathe, guarded: Guarded
 ) -> None:
-    with_certificate = Guarded(tmp_path).security(user=None, server_certificate=None)
+    with_certificate = guarded.security(user=None, server_certificate=None)
     with pytest.raises(UserError, match="not protected"):
         drive(lathe, with_certificate)
 

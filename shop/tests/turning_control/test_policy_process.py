@@ -47,21 +47,25 @@ class Remembers:
             time.sleep(0.9)
         return np.full((len(observations), 2), -0.125 * self.steps, np.float32)
 
-def reads(observations):
-    assert sys.stdin.read() == ""
-    return steady(observations)
+class Varies:
+    def __init__(self):
+        self.acts = iter([self.reads, self.fails, self.not_numbers, self.fails])
 
-def wide(observations):
-    return np.full((len(observations), 2), 0.1)
+    def act(self, observations):
+        return next(self.acts)(observations)
 
-def fails(observations):
-    raise OSError("no more")
+    def reads(self, observations):
+        assert sys.stdin.read() == ""
+        return np.full((len(observations), 2), 0.1)
+
+    def fails(self, observations):
+        raise OSError("no more")
+
+    def not_numbers(self, observations):
+        return [["a", "b"]]
 
 def ends(observations):
     os._exit(3)
-
-def not_numbers(observations):
-    return [["a", "b"]]
 """
 
 
@@ -109,19 +113,15 @@ def test_a_policy_that_hangs_is_late_and_the_shield_commands_the_safe_feed(modul
 
 
 @pytest.mark.slow
-def test_a_late_answer_is_not_taken_for_the_next_one(module: str) -> None:
+def test_a_late_answer_is_skipped_and_a_reset_meanwhile_is_not_lost(module: str) -> None:
     policy = start(f"{module}:Remembers", deadline=0.3)
     np.testing.assert_array_equal(policy.act(observed()), [[-0.125, -0.125]])
     with pytest.raises(TimeoutError):
         policy.act(observed())
     time.sleep(0.8)
     np.testing.assert_array_equal(policy.act(observed()), [[-0.375, -0.375]])
-
-
-@pytest.mark.slow
-def test_a_reset_while_an_answer_is_late_is_not_lost(module: str) -> None:
-    policy = start(f"{module}:Remembers", deadline=0.3)
-    policy.act(observed())
+    policy.reset(np.ones(1, np.bool_))
+    np.testing.assert_array_equal(policy.act(observed()), [[-0.125, -0.125]])
     with pytest.raises(TimeoutError):
         policy.act(observed())
     policy.reset(np.ones(1, np.bool_))
@@ -130,27 +130,16 @@ def test_a_reset_while_an_answer_is_late_is_not_lost(module: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "action"), [("reads", -0.25), ("wide", np.float32(0.1))])
-def test_a_policy_may_read_standard_input_and_answer_in_double(
-    name: str, action: float, module: str
-) -> None:
-    actions = start(f"{module}:{name}").act(observed())
-    np.testing.assert_array_equal(actions, [[action, action]])
-
-
-@pytest.mark.slow
-def test_a_policy_that_fails_raises_in_act(module: str) -> None:
-    policy = start(f"{module}:fails")
-    for _ in range(2):
-        with pytest.raises(RuntimeError, match="no more"):
-            policy.act(observed())
-
-
-@pytest.mark.slow
-def test_a_policy_that_gives_no_numbers_is_refused_by_the_shield(module: str) -> None:
-    shield = Shield(start(f"{module}:not_numbers"), Scenario.load("rough_turning"), 1)
+def test_a_policy_may_answer_in_double_and_errors_are_those_of_its_answer(module: str) -> None:
+    policy = start(f"{module}:Varies")
+    np.testing.assert_array_equal(policy.act(observed()), np.full((1, 2), np.float32(0.1)))
+    with pytest.raises(RuntimeError, match="no more"):
+        policy.act(observed())
+    shield = Shield(policy, Scenario.load("rough_turning"), 1)
     shield.act(observed())
     assert shield.reasons == ["error"]
+    with pytest.raises(RuntimeError, match="no more"):
+        policy.act(observed())
 
 
 @pytest.mark.slow
