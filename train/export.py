@@ -4,6 +4,7 @@
     python -m train.export my_model.zip --env RoughTurning-v0 --name mine --out my-agents
     python -m train.export my_model.zip --statistics vec_normalize.pkl --out my-agents
     python -m train.export my_network.onnx --scenario my_mill.toml --seed 1 --out my-agents
+    python -m train.export my_model.zip --set load_target=true --set derived=true --out my-agents
 
 An agent is the folder of a training run, or any file in it; a model that Stable-Baselines3 has
 saved; or a network in ONNX. A file is written only if it acts as the agent does, on observations
@@ -19,7 +20,7 @@ import re
 import shlex
 import sys
 import unicodedata
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -43,10 +44,10 @@ from leaderboard.agents.agent_file import (
 )
 from leaderboard.agents.network import session_after_trial
 from leaderboard.agents.onnx_session import OnnxPolicy
-from leaderboard.inputs import Inputs
+from leaderboard.inputs import TRAINING_INPUTS, Inputs
 from leaderboard.seeds import tuning_seeds
 from train.actor import Actor, ActorPolicy
-from train.run import ALGORITHMS, Run, trained_on
+from train.run import ALGORITHMS, Run, settings_of, trained_on, typed
 from train.to_onnx import ModuleActor, adopted, sb3_actor, to_onnx
 from train.training import load_actor, stating_information
 from turning_env import ALL_IDS, Family, Scenario
@@ -55,6 +56,7 @@ from turning_env.family_env import vector_env
 from turning_env.files import write_file
 from turning_env.policy import Policy
 from turning_env.scenario.arguments import environment_id
+from turning_env.scenario.section import names_instead
 
 # Numbers of environments and steps in each of the two comparisons of agent and file.
 NUM_ENVS = 50
@@ -65,6 +67,15 @@ precision."""
 MAX_SAMPLED_DIFFERENCE = 1e-3
 """Likewise on observations sampled from the observation space: no lathe has such observations, and
 a search on them may stop elsewhere."""
+SETTINGS = {
+    "belief": False,
+    "derived": False,
+    "load_target": False,
+    "training_information": ["rewards"],
+}
+"""What may be stated of a training elsewhere, with a value of the same type each: the terms of
+``train/terms.py`` that play provides, and what the training was given, names in
+``leaderboard.inputs.TRAINING_INPUTS``."""
 _VERSIONS = ("rough-turning", "torch", "onnx", "onnxscript")
 
 
@@ -169,6 +180,7 @@ def export_torch(
     name: str | None = None,
     seed: int | None = None,
     trained_steps: int = 0,
+    settings: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Write an agent's file for a PyTorch module.
 
@@ -186,6 +198,11 @@ def export_torch(
         seed: training seed; agents of one name with several seeds are one policy. None: the seed in
             a file name such as ``me-seed3.onnx``, else 0.
         trained_steps: environment steps of the training.
+        settings: ``belief``, ``derived`` or ``load_target`` is True if the environments of the
+            training had ``VectorBeliefObservation``, ``VectorDerivedObservation`` or
+            ``VectorLoadTargetAction`` around them. ``training_information`` lists what the training
+            was given beside observations, names in ``leaderboard.inputs.TRAINING_INPUTS`` such as
+            "rewards"; without it, the agent is ranked as one whose file does not state it.
 
     Returns:
         The same as ``export``; raises the same errors.
@@ -200,8 +217,28 @@ def export_torch(
     run = Run.elsewhere(
         "torch", env_id, scenario=source, steps=trained_steps, command="train.export.export_torch"
     )
+    run = _stating(run, settings or {})
     agent = _Agent(type(module).__name__, _foreign_metadata(run, path, name=name, seed=seed), actor)
     return agent.write(path)
+
+
+def _stating(run: Run, settings: Mapping[str, Any]) -> Run:
+    """Return a run elsewhere whose parameters also state settings.
+
+    Raises:
+        ValueError: there is no such setting, or it has another type or value.
+    """
+    checked = {}
+    for name, value in settings.items():
+        if name not in SETTINGS:
+            instead = names_instead(name, SETTINGS, "")
+            raise ValueError(f"a training elsewhere has no setting {name!r}; {instead}")
+        checked[name] = typed(name, value, SETTINGS[name])
+    for name in checked.get("training_information", []):
+        if name not in TRAINING_INPUTS:
+            instead = names_instead(name, TRAINING_INPUTS, "")
+            raise ValueError(f"training_information has {name!r}; {instead}")
+    return replace(run, parameters=run.parameters | checked)
 
 
 def _of_run(folder: Path, name: str | None) -> _Agent:
@@ -390,6 +427,13 @@ def _parser() -> argparse.ArgumentParser:
         help="statistics of the VecNormalize of a .zip's training, written by its save: "
         "a pickle, so only your own",
     )
+    files.add_argument(
+        "--set",
+        action="append",
+        metavar="KEY=VALUE",
+        help="what the training had: load_target=true, derived=true, belief=true, "
+        """training_information='["rewards"]'; repeat the option to set several""",
+    )
     return parser
 
 
@@ -414,7 +458,7 @@ def _agent(path: Path, elsewhere: Run, parsed: argparse.Namespace) -> _Agent:
             f"give a folder of training runs, or a .zip or {ONNX_SUFFIX} file"
         )
     agent = _of_run(path, parsed.name)
-    for option in ("env", "scenario", "seed", "statistics"):
+    for option in ("env", "scenario", "seed", "statistics", "set"):
         if getattr(parsed, option) is not None:
             raise ValueError(
                 f"--{option} is for .zip and .onnx files, "
@@ -445,6 +489,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         steps=0,
         command=f"python -m train.export {shlex.join(arguments)}",
     )
+    elsewhere = _stating(elsewhere, settings_of(parsed.set or []))
     agents: dict[Path, _Agent] = {}
     for given in parsed.agents:
         for path in _sources(given):

@@ -89,29 +89,36 @@ def overrides(algorithm: str, settings: Iterable[str]) -> dict[str, Any]:
     """
     known = examples(algorithm)
     values = {}
-    for setting in settings:
-        name, _, text = (part.strip() for part in setting.partition("="))
+    for name, value in settings_of(settings).items():
         if name not in known:
             instead = names_instead(name, known, f"python -m train.{algorithm} --help")
             raise ValueError(f"{algorithm} has no hyperparameter {name!r}; {instead}")
-        try:
-            value = tomllib.loads(f"value = {text}")["value"]
-        except ValueError:  # no TOML: a text without quotation marks
-            value = text
-        values[name] = _typed(name, value, known[name])
+        values[name] = typed(name, value, known[name])
         if name in SHARES and values[name] > 1.0:
             raise ValueError(f"{name} is {values[name]!r}, but must be 0 to 1")
     return values
 
 
-def _typed(name: str, value: Any, example: Any) -> Any:
+def settings_of(words: Iterable[str]) -> dict[str, Any]:
+    """Return the values of settings ``KEY=VALUE``; a value is TOML, or a text without quotes."""
+    values: dict[str, Any] = {}
+    for word in words:
+        name, _, text = (part.strip() for part in word.partition("="))
+        try:
+            values[name] = tomllib.loads(f"value = {text}")["value"]
+        except ValueError:  # no TOML
+            values[name] = text
+    return values
+
+
+def typed(name: str, value: Any, example: Any) -> Any:
     """Return a value with the type of an example.
 
     A negative value is allowed only if the example is negative.
     """
     if isinstance(example, list) and isinstance(value, list):
         # One negative entry in the example allows negative entries anywhere.
-        return [_typed(name, entry, min(example)) for entry in value]
+        return [typed(name, entry, min(example)) for entry in value]
     if isinstance(example, float) and type(value) is int:
         value = float(str(value))  # infinite if it is too large
     if type(example) is int and type(value) is float and value.is_integer():

@@ -23,14 +23,13 @@ from onnx import compose, helper, inliner
 
 from leaderboard import torch_module
 from leaderboard.agents import agent_file
-from leaderboard.agents.agent_file import Metadata, seen_space
+from leaderboard.agents.agent_file import Metadata, acting_space, seen_space
 from leaderboard.agents.network import session_after_trial
 from leaderboard.agents.onnx_session import first_line
 from leaderboard.sb3_observations import was_normalised
 from train.actor import Actor
 from train.recurrent_ppo import RecurrentActor
 from train.run import Run, warn_of_pickle
-from turning_env.batch.driver import action_space
 
 OPSET = 20
 _ADOPTED = "adopted/"  # prefix of the names in an adopted network
@@ -99,7 +98,8 @@ def _check_shapes(
     except Exception as error:  # modules raise many types
         raise ValueError(
             f"it cannot act on observations of shape {tuple(observations.shape)}: "
-            f"{first_line(error)}"
+            f"{first_line(error)} (state the wrappers of its training, such as "
+            '{"derived": True}, as settings)'
         ) from error
     expected = ((len(observations), actions), tuple(memory.shape))
     if shapes != expected:
@@ -376,7 +376,7 @@ def sb3_actor(path: Path, run: Run, statistics: Path | None = None) -> tuple[Run
             f"cannot be loaded as {model_class.name} of {model_class.package}: {error}"
         ) from error
     parameters = _parameters_of_model(model, run)
-    actions = action_space(run.scenario)
+    actions = acting_space(run.scenario, parameters)
     if model.action_space != actions:
         raise ValueError(
             f"was trained on the action space {model.action_space}, "
@@ -431,8 +431,9 @@ def _parameters_of_model(model: Any, run: Run) -> dict[str, Any]:
     raise ValueError(
         f"was trained on observations of shape {model.observation_space.shape} or other bounds, "
         f"but {run.env_id} has {plain_space.shape}, with a belief {belief_space.shape}: "
-        "state the --env and --scenario of its training; a model behind VecFrameStack or another "
-        "wrapper that changes observations cannot be exported"
+        "state the --env and --scenario of its training, and --set derived=true if it had "
+        "VectorDerivedObservation; a model behind VecFrameStack or another wrapper that changes "
+        "observations cannot be exported"
     )
 
 

@@ -286,7 +286,7 @@ class GuardedPolicy:
                 "the agent cannot act on these observations: "
                 f"they must be float32 of shape ({self._num_envs}, {entries}), "
                 f"got {observations.dtype} of {observations.shape} "
-                "(`leaderboard run` adds the belief of an agent that was trained with one)"
+                "(`leaderboard run` adds the belief or derived inputs that its file states)"
             )
 
 

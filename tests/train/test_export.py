@@ -15,9 +15,12 @@ from sb3_contrib import TQC, RecurrentPPO
 from stable_baselines3 import A2C, PPO, SAC, TD3
 from stable_baselines3.common.vec_env import VecNormalize
 
+from baselines.derived_observation import VectorDerivedObservation
+from baselines.load_target import VectorLoadTargetAction
 from leaderboard.agents import agent_file, onnx_policy
 from leaderboard.agents.agent_file import AgentFile
 from leaderboard.agents.onnx_session import OnnxPolicy, session_of
+from leaderboard.inputs import Inputs
 from tests.leaderboard.agents import onnx_agents
 from tests.train.small import ALGORITHMS, small_run
 from train import export
@@ -141,6 +144,50 @@ def test_a_module_of_other_shapes_is_refused(
     with pytest.raises(ValueError, match=complaint):
         export.export_torch(module, path)
     assert not path.exists()
+
+
+def test_a_training_elsewhere_states_its_wrappers(tmp_path: Path) -> None:
+    torch.manual_seed(0)
+    module = torch.nn.Linear(17, 2)  # 11 entries and six derived ones
+    path = tmp_path / "me-seed0.onnx"
+    with pytest.raises(ValueError, match=r"cannot act.*state the wrappers of its training"):
+        export.export_torch(module, path, scenario=SCENARIO)
+    stated = {"load_target": True, "derived": True, "training_information": ["rewards"]}
+    export.export_torch(module, path, scenario=SCENARIO, settings=stated)
+    inputs = Inputs.of(agent_file.read(path).metadata.parameters)
+    assert inputs.run_time == ("derived inputs", "load target")
+    assert inputs.agent_class == "model-free agent"
+
+
+@pytest.mark.parametrize(
+    ("setting", "complaint"),
+    [
+        ("load_targets=true", "no setting 'load_targets'; did you mean load_target?"),
+        ("derived=1", "derived is 1, but must be true or false"),
+        ("training_information=['reward']", "training_information has 'reward'; did you mean"),
+    ],
+)
+def test_wrong_settings_of_a_training_elsewhere_are_refused(
+    setting: str, complaint: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = network(tmp_path / "mine.onnx", *SLICE)
+    assert complaint in refusal(capsys, tmp_path / "out", path, "--set", setting)
+
+
+def test_a_model_behind_the_wrappers_of_families_is_exported_with_them(
+    tmp_path: Path, scenario: str
+) -> None:
+    def wrapper(envs: Any) -> Any:
+        return VectorDerivedObservation(VectorLoadTargetAction(envs))
+
+    model = PPO("MlpPolicy", RoughTurningVecEnv(SCENARIO, 2, wrapper=wrapper), device="cpu")
+    path = tmp_path / "mine.zip"
+    model.save(path)
+    out = tmp_path / "out"
+    words = [path, "--scenario", scenario, "--set", "load_target=true", "--set", "derived=true"]
+    parameters = exported(out, *words).metadata.parameters
+    assert parameters["load_target"]
+    assert parameters["derived"]
 
 
 class ActionsAndValues(torch.nn.Module):
