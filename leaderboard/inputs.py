@@ -63,6 +63,13 @@ MODEL_FREE = frozenset({"rewards", "overload share"})
 """Inputs that a real lathe has, too. A training with any other input is privileged."""
 IMITATION = frozenset({"rule's actions"})
 """Inputs of a student that imitates a rule; a real lathe has them, too."""
+BEHAVIOURS = {
+    "self_tuning": "rule's actions",
+    "mixture": "rule's actions",
+    "causal": "true states",  # by which the oracle has acted
+}
+"""Inputs of a training on recorded episodes, by the policy of the data set
+(``train/datasets.py``)."""
 LIFE_PRICE = frozenset({"life price", "spreads"})
 """Inputs of a price of edge life p(D): dynamic programming needs the spreads."""
 MAX_STEPS = 2**63 - 1
@@ -152,8 +159,12 @@ def training_inputs(declared: Iterable[str], parameters: Mapping[str, Any]) -> t
         declared: the inputs that the training's algorithm declares.
         parameters: of these, ``asymmetric`` shows the hidden state to a critic. ``life_price``
             decides whether the training has a price of edge life; without it, the algorithm does.
+            ``behaviour`` names the policy of recorded episodes.
     """
     given = set(declared)
+    behaviour = parameters.get("behaviour")
+    if behaviour in BEHAVIOURS:
+        given.add(BEHAVIOURS[behaviour])
     if parameters.get("asymmetric") is True:
         given.add("true states")
     life_price = parameters.get("life_price")

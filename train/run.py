@@ -21,13 +21,16 @@ from turning_env.scenario.section import names_instead
 HYPERPARAMETERS = Path(__file__).parent / "hyperparameters"
 ALGORITHMS = (
     "analytic_gradient",
+    "bc",
     "dagger",
+    "iql",
     "lagrangian_ppo",
     "linear_cma_es",
     "ppo",
     "recurrent_ppo",
     "sac",
     "simulator_gradient",
+    "td3_bc",
     "tqc",
 )
 """Names of the algorithms: each has a Python file of this name, which declares ``ALGORITHM``."""
