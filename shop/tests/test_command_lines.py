@@ -42,6 +42,20 @@ MISTAKES = {
     # A number out of its range, or none.
     "turning_shop whatif forging --cutting-speed -1 --feed 0.3 --wear 0.2": "0.1 to 5000 m/min",
     "turning_shop whatif forging --cutting-speed 100 --feed 0.1:0.2 --wear 0.2": "0.1:0.2",
+    "turning_shop whatif forging --cutting-speed 100 --feed 0,2 --wear 0.2": (
+        "give 0.001 to 10 mm/rev, without a unit; decimals have a point"
+    ),
+    "turning_shop map forging --wear 0,2 --out made.png": "decimals have a point",
+    "turning_shop advise --material P6 --tool CNMG120408 --grade P25 --feeds 0,1-0,3": (
+        "decimals have a point"
+    ),
+    "turning_control log opc.tcp://127.0.0.1:1 --interval 0,1": "give 0.01 to 3600 s",
+    "turning_shop whatif forging --cutting-speed 100 --feed 0.3 --wear 0.2 --hardness 300": (
+        "allowed range 0.1 to 10; a hardness has a unit: 300HB"
+    ),
+    "turning_shop advise --material P6 --hardness 32 HRC": "as in --hardness 32HRC",
+    "turning_shop advise forging --agent nothing.onnx": "nothing.onnx: no such file",
+    "turning_control log http://127.0.0.1:1 --list": "http://127.0.0.1:1/probe does not answer",
     "turning_shop map forging --wear 0.31 --out made.png": "0.3 mm",
     "turning_shop advise --material P6 --tool CNMG120408 --grade P25 --stock 80x200 --depth 2cm": (
         "give mm, such as 2.5, or inch, such as 0.08in"

@@ -571,7 +571,7 @@ def overload_risk(scenario: Scenario, evidence: Evidence, advice: Advice) -> Ite
     deviation = np.log(high / low) / (2.0 * NormalDist().inv_cdf(0.5 + 0.5 * LEVEL))
     probability = 1.0 - NormalDist().cdf(float(np.log(limit / power) / deviation))
     yield (
-        f"power binds at {power:.3g} of {limit:.3g} kW, interval {low:.3g} to {high:.3g} kW: a "
+        f"power binds at {power:.3g} kW of {limit:.3g} kW, interval {low:.3g} to {high:.3g} kW: a "
         f"worn edge overloads the spindle with a probability of {100.0 * probability:.0f} %"
     )
 

@@ -32,7 +32,7 @@ from leaderboard.play import Episodes, play
 from leaderboard.seeds import held_out_seeds
 from leaderboard.statistics import Bootstrap, Estimate, severe_share
 from turning_env.action import set_point_action
-from turning_env.policy import Actions, Observations
+from turning_env.policy import Actions, Observations, PolicyFactory
 from turning_env.scenario import Scenario
 from turning_env.scenario.laws import depth_spread, hardness_spread
 
@@ -171,6 +171,8 @@ def play_all(
     max_minutes = min(MAX_EDGE_TIME, MAX_STEPS * control.interval / 60.0)
     one_edge = _for_one_edge(scenario, plan, action=control.action, minutes=max_minutes)
 
+    agent_policies = {agent: _policy_of(agent) for agent in agents}
+
     on_play(FIXED)
     fixed = as_factory(constant(scenario, plan))
     plays = [_Play(FIXED, play(fixed, clocked(scenario, plan), seeds))]
@@ -182,11 +184,11 @@ def play_all(
     rule = best_rule(scenario, priced)
     plays.append(_Play(rule_name, play(rule.make, priced, seeds)))
 
-    for agent in agents:
+    for agent, policy in agent_policies.items():
         agent_name = f"agent {Path(agent).stem}"
         on_play(agent_name)
         try:
-            plays.append(_Play(agent_name, play(as_factory(agent), one_edge, seeds)))
+            plays.append(_Play(agent_name, play(policy, one_edge, seeds)))
         except (TypeError, ValueError) as error:
             raise WorkshopError(f"--agent {agent}: {error}") from error
 
@@ -198,6 +200,14 @@ def play_all(
             "see tool.edge_strength, edge_failure and mismatch"
         )
     return PlayedAdvice(Prices.of(scenario).unit, edges, results=results, notes=notes)
+
+
+def _policy_of(agent: str) -> PolicyFactory:
+    """Return an agent's policy; WorkshopError if it is none, OSError if there is no such file."""
+    try:
+        return as_factory(agent)
+    except (TypeError, ValueError) as error:
+        raise WorkshopError(f"--agent {agent}: {error}") from error
 
 
 def _at_own_cost(scenario: Scenario, one_edge: Scenario, seeds: Sequence[int]) -> Scenario:

@@ -17,9 +17,10 @@ from turning_shop import WorkshopError, refuse_existing, tables, tool_command, w
 from turning_shop.catalogue.hardness import brinell, ratio
 from turning_shop.headers import COLUMNS, EDGE, is_unit_of, named_column, units_of
 from turning_shop.measurements import Measurements, read_measurements
+from turning_shop.options import number_within
 from turning_shop.units import SYSTEMS, Units, add_units
 
-from turning_env.console import DONE, FAILED, number_within, picture_path, print_json
+from turning_env.console import DONE, FAILED, picture_path, print_json
 from turning_env.files import replace_file, write_file
 from turning_env.scenario import Scenario
 
@@ -342,10 +343,17 @@ def _cuts(scenario: Scenario, evidence: "Evidence", options: argparse.Namespace)
 
 def _hardness_ratios(texts: Sequence[str] | None, evidence: "Evidence") -> list[float]:
     """Return hardnesses over the nominal one; 1 if none is given."""
-    if not texts:
-        return [1.0]
-    nominal = evidence.hardness
-    return [_number("hardness")(f"{ratio(text, nominal):.6g}") for text in texts]
+    allowed = COLUMNS["hardness"]
+    ratios = []
+    for text in texts or ["1"]:
+        over_nominal = float(f"{ratio(text, evidence.hardness):.6g}")
+        if not allowed.low <= over_nominal <= allowed.high:
+            raise WorkshopError(
+                f"--hardness {text} is {over_nominal:g} times the nominal hardness, outside the "
+                f"allowed range {allowed.low:g} to {allowed.high:g}; a hardness has a unit: 300HB"
+            )
+        ratios.append(over_nominal)
+    return ratios
 
 
 def _print_measured_ranges(
@@ -387,10 +395,13 @@ def _warn_of_settings(scenario: Scenario, speeds: Sequence[float], feeds: Sequen
 def _warn_of_range(
     option: str, values: Sequence[float], low: float, high: float, unit: str
 ) -> None:
-    """Print a warning that names the last of the values outside the machine's range."""
+    """Print a warning that names the last of the values outside a range of ``machine``."""
     outside = [value for value in values if not low <= value <= high]
     if outside:
-        _warn(f"{option} {outside[-1]:g} is outside the machine's {low:g} to {high:g} {unit}")
+        _warn(
+            f"{option} {outside[-1]:g} is outside {low:g} to {high:g} {unit}, the range of the "
+            "machine or of the insert"
+        )
 
 
 def _warn_of_breakage(scenario: Scenario, cuts: whatif.Cuts) -> None:
@@ -672,7 +683,9 @@ def _job(options: argparse.Namespace) -> "start.CatalogueJob | None":
             )
         if given:
             raise WorkshopError(
-                f"{options.scenario} has laws of its own: leave out {', '.join(given)}"
+                f"{options.scenario} is read as a SCENARIO, which has laws of its own: leave out "
+                f"either it or {', '.join(given)}; a number and its unit stand together, as in "
+                "--hardness 32HRC"
             )
         return None
     missing = [f"--{name}" for name in _CATALOGUE_NEEDS if not getattr(options, name)]

@@ -100,7 +100,7 @@ def cuts_table(
             for low, high in zip(lows, highs, strict=True):
                 low_cell = _cell(low, shown, units, most)
                 high_cell = _cell(high, shown, units, most)
-                interval.append(f"{low_cell}-{high_cell}")
+                interval.append(low_cell if low > most else f"{low_cell}-{high_cell}")
             columns.append(interval)
     if prediction:
         marks = ["*" if extrapolated else "" for extrapolated in prediction.extrapolated.ravel()]

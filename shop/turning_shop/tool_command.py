@@ -3,7 +3,7 @@
 import argparse
 import math
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -14,6 +14,7 @@ from turning_shop.tool_library import (
     LibraryTool,
     completed,
     csv_of,
+    insert_of,
     read_tools,
 )
 
@@ -32,7 +33,12 @@ def tools(options: argparse.Namespace) -> int:
         raise WorkshopError(f"--out is {options.out}, but a table's name must end in .csv")
     library: list[LibraryTool] = []
     for path in options.files:
-        library += [_advised_tool(path)] if path.suffix == ".toml" else read_tools(path)
+        if path.suffix == ".toml":
+            library.append(_advised_tool(path))
+        else:
+            tools_of_file = read_tools(path)
+            _warn_of_designations(path, tools_of_file)
+            library += tools_of_file
     print("\n".join(aligned(list(_rows(library)))))
     if options.out is None:
         return DONE
@@ -49,6 +55,17 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add("files", nargs="+", type=Path, metavar="FILE", help="table, .csv, or scenario, .toml")
     add("--out", type=Path, metavar="CSV", help="table to write")
     add("--overwrite", action="store_true", help="replace existing files")
+
+
+def _warn_of_designations(path: Path, library: Sequence[LibraryTool]) -> None:
+    """Print a warning on each tool whose designation fills in nothing, as it is not of ISO 1832."""
+    for tool in library:
+        if insert_of(tool) is None:
+            print(
+                f"warning: {path}: {tool.designation} is no designation of ISO 1832, such as "
+                "CNMG120408-PM, so that nose radius and edge length are those of the table alone",
+                file=sys.stderr,
+            )
 
 
 def _advised_tool(path: Path) -> LibraryTool:

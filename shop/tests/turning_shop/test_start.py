@@ -23,6 +23,7 @@ from turning_shop.prediction import predict
 from turning_shop.start import CatalogueJob, job_of, start_advice
 from turning_shop.start_answer import sentence
 from turning_shop.start_question import Question, Stock
+from turning_shop.units import INCH
 from turning_shop.whatif import what_if
 
 from tests.walking import ROOT, blocks, commands
@@ -578,7 +579,9 @@ def test_a_life_beyond_the_catalogues_data_is_not_limited_by_wear(
     assert "4200 (60 min; not limited by wear here) parts an edge" in answer
     words = "--cutting-speed 60 --feed 0.3 --wear 0.2"
     assert main(["whatif", str(out), *words.split()]) == 0
-    assert ">60" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert ">60" in printed
+    assert ">60->60" not in printed
 
 
 @pytest.mark.parametrize("words", ["--stock 80,5x200 --depth 2", "--stock 80x200 --depth 2,5"])
@@ -674,6 +677,7 @@ def test_the_probability_of_overload_is_told_where_power_binds(tmp_path: Path) -
     probability = float(sentence.split()[-2])
     assert 35.0 <= probability <= 50.0
     assert "interval" in sentence
+    assert re.search(r"binds at [\d.]+ hp of [\d.]+ hp, interval", INCH.text(sentence))
 
 
 def test_a_refusal_names_what_binds_and_what_the_user_set(

@@ -88,7 +88,10 @@ def test_the_command_joins_tables(tmp_path: Path, capsys: pytest.CaptureFixture[
     second = written(tmp_path, "second.csv", csv_of([own]))
     joined = tmp_path / "library.csv"
     assert main(["tools", str(first), str(second), "--out", str(joined)]) == 0
-    assert "Own-1" in capsys.readouterr().out
+    printed = capsys.readouterr()
+    assert "Own-1" in printed.out
+    assert "Own-1 is no designation of ISO 1832" in printed.err
+    assert f"{PM.designation} is no" not in printed.err
     assert read_tools(joined)[0] == PM
     assert read_tools(joined)[1].nose_radius == 1.2
     assert main(["tools", str(first), "--out", str(joined)]) == 2

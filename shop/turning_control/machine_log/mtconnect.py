@@ -268,6 +268,9 @@ class MTConnectSource:
             if error.code in (401, 403):
                 raise PermissionError(f"{address}: {error.reason}; is --user right?") from error
             data = error.read(MAX_BYTES + 1)  # an agent's errors are documents, too
+        except OSError as error:
+            reason = error.reason if isinstance(error, urllib.error.URLError) else error
+            raise ConnectionError(f"{address} does not answer: {reason}") from error
         except http.client.HTTPException as error:
             raise ConnectionError(f"{address}: {type(error).__name__} {error}") from error
         root = parsed(data, address)
