@@ -3,11 +3,12 @@
 import os
 import shutil
 import subprocess
-import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
+from tests import preloaded
 from tests.walking import MAX_SECONDS, ROOT
 
 pytestmark = [
@@ -34,7 +35,14 @@ from numba.extending import register_jitable
 def factor():
     return 1.0
 """
-PROGRAM = "import numpy as np\nfrom entry import last\nprint(last(np.arange(3.0)))"
+# Bytecode would hide a source that is changed, to one of the same size, within a second.
+PROGRAM = """
+import sys
+sys.dont_write_bytecode = True
+import numpy as np
+from entry import last
+print(last(np.arange(3.0)))
+"""
 
 
 @pytest.fixture
@@ -46,23 +54,24 @@ def folder(tmp_path: Path) -> Path:
     return sources
 
 
-def start(folder: Path, **variables: str) -> "subprocess.Popen[str]":
+def run(folder: Path, before: str = "", **variables: str) -> "subprocess.CompletedProcess[str]":
+    """Run the program in a process of its own, after some other code."""
     path = os.pathsep.join([str(folder), str(ROOT)])
-    # Bytecode would hide a source that is changed, to one of the same size, within a second.
-    settings = {"PYTHONPATH": path, "PYTHONDONTWRITEBYTECODE": "1"}
-    variables = os.environ | settings | variables
-    command = [sys.executable, "-c", PROGRAM]
-    return subprocess.Popen(
-        command, env=variables, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    return preloaded.run(
+        "shared",
+        [*preloaded.PROGRAM, before + PROGRAM],
+        folder=folder,
+        max_seconds=MAX_SECONDS,
+        variables={"PYTHONPATH": path} | variables,
     )
 
 
-def finished(process: "subprocess.Popen[str]", value: float = 2.0) -> str:
-    """Wait for a process that prints the value; return its notices."""
-    out, error = process.communicate(timeout=MAX_SECONDS)
-    assert process.returncode == 0, error
-    assert float(out) == value
-    return error
+def notices(folder: Path, value: float = 2.0, before: str = "", **variables: str) -> str:
+    """Run the program, which must print the value; return its notices."""
+    finished = run(folder, before, **variables)
+    assert finished.returncode == 0, finished.stderr
+    assert float(finished.stdout) == value
+    return finished.stderr
 
 
 def code(folder: Path) -> list[Path]:
@@ -70,18 +79,17 @@ def code(folder: Path) -> list[Path]:
 
 
 def test_processes_that_start_together_share_their_code(folder: Path) -> None:
-    processes = [start(folder) for _ in range(3)]
-    for process in processes:
-        finished(process)
+    with ThreadPoolExecutor(3) as threads:
+        list(threads.map(notices, [folder] * 3))
     assert len(code(folder)) == 2
-    assert finished(start(folder)) == ""
+    assert notices(folder) == ""
 
 
 def test_code_of_older_sources_is_neither_used_nor_kept(folder: Path) -> None:
-    finished(start(folder))
+    notices(folder)
     before = code(folder)
     (folder / "helper.py").write_text(HELPER.replace("1.0", "3.0"))
-    finished(start(folder), 6.0)
+    notices(folder, 6.0)
     assert code(folder)
     assert not set(before) & set(code(folder))
 
@@ -102,11 +110,10 @@ def compiled_factor():
 
 def test_a_notice_on_stderr_says_what_takes_seconds_to_compile(folder: Path) -> None:
     (folder / "helper.py").write_text(SLOWLY_COMPILED)
-    notices = finished(start(folder)).splitlines()
-    assert len(notices) == 1
-    assert "compiling last for this machine, once" in notices[0]
+    (notice,) = notices(folder).splitlines()
+    assert "compiling last for this machine, once" in notice
     # Kept code takes no notice.
-    assert finished(start(folder)) == ""
+    assert notices(folder) == ""
 
 
 READ_ONLY = """
@@ -128,12 +135,11 @@ def test_code_compiled_beforehand_is_read_where_it_cannot_be_written(
 
     This holds whether or not the user's cache can be written to.
     """
-    finished(start(folder))
+    notices(folder)
     # Root can write everywhere, so that folders must refuse to be made.
-    (tmp_path / "sitecustomize.py").write_text(READ_ONLY.format(folder=str(folder)))
-    path = os.pathsep.join(map(str, (tmp_path, folder, ROOT)))
+    read_only = READ_ONLY.format(folder=str(folder))
     cache = tmp_path / "home" if home else folder / "entry.py" / "home"
-    assert finished(start(folder, PYTHONPATH=path, XDG_CACHE_HOME=str(cache))) == ""
+    assert notices(folder, before=read_only, XDG_CACHE_HOME=str(cache)) == ""
     assert home == any(tmp_path.glob("home/**/*.nbc"))
 
 
@@ -145,31 +151,26 @@ tempfile.gettempdir = refuse
 """
 
 
-def test_without_any_folder_to_write_to_entries_run_with_a_warning(
-    folder: Path, tmp_path: Path
-) -> None:
+def test_without_any_folder_to_write_to_entries_run_with_a_warning(folder: Path) -> None:
     """A read-only container without a folder for temporary files plays, too."""
-    finished(start(folder))
+    notices(folder)
     read_only = READ_ONLY.format(folder=str(folder))
-    (tmp_path / "sitecustomize.py").write_text(read_only + NO_TEMPORARY_FOLDER)
-    path = os.pathsep.join(map(str, (tmp_path, folder, ROOT)))
     cache = folder / "entry.py" / "home"
-    notices = finished(start(folder, PYTHONPATH=path, XDG_CACHE_HOME=str(cache)))
-    assert "compiled code cannot be kept" in notices
+    warning = notices(folder, before=read_only + NO_TEMPORARY_FOLDER, XDG_CACHE_HOME=str(cache))
+    assert "compiled code cannot be kept" in warning
 
 
 @pytest.mark.parametrize("suffix", [".nbi", ".nbc"])
 def test_code_that_is_cut_off_ends_in_an_error_until_it_is_deleted(
     folder: Path, suffix: str
 ) -> None:
-    finished(start(folder))
+    notices(folder)
     (damaged,) = (path for path in code(folder) if path.suffix == suffix)
     damaged.write_bytes(damaged.read_bytes()[: damaged.stat().st_size // 2])
-    process = start(folder)
-    _, error = process.communicate(timeout=MAX_SECONDS)
-    assert process.returncode == 1
-    assert "numba" in error
-    assert "Error" in error.splitlines()[-1]
+    failed = run(folder)
+    assert failed.returncode == 1
+    assert "numba" in failed.stderr
+    assert "Error" in failed.stderr.splitlines()[-1]
     (machine_code,) = (folder / "__pycache__").glob("machine_code-*")
     shutil.rmtree(machine_code)
-    finished(start(folder))
+    notices(folder)
