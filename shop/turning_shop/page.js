@@ -98,6 +98,7 @@ function element(name, attributes, text = '') {
 const rows = (name) => feeds.map((_, feed) => speeds.map((_, speed) => look(name, elsewhere(speed, feed))));
 
 function drawMap(best) {
+  if (!map.clientWidth) return; // not laid out yet, or hidden: the observer below draws it when it has a size
   const { x, y } = scales();
   const [left, right, bottom, top] = [x(speeds[0]), x(speeds.at(-1)), y(feeds[0]), y(feeds.at(-1))];
   const force = rows('thrust_force_share'), power = rows('power_share'), lives = rows('tool_life');

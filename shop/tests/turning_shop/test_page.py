@@ -260,3 +260,8 @@ def test_the_page_fits_phones(scenario: Scenario, show: Show) -> None:
     page = show(scenario, width=360)
     expect(page.locator("#map path")).not_to_have_count(0)
     assert page.evaluate("document.documentElement.scrollWidth - innerWidth") == 0
+    # A map without a size is not drawn, and complains of nothing.
+    page.evaluate("map.replaceChildren(); map.style.display = 'none'; update()")
+    expect(page.locator("#map path")).to_have_count(0)
+    page.evaluate("map.style.display = ''")
+    expect(page.locator("#map path")).not_to_have_count(0)
