@@ -3,6 +3,7 @@
 ``stock`` reads bars and tubes, and guesses a stock where none is given.
 """
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -45,17 +46,20 @@ def _csv_points(path: Path) -> list[Point]:
     text = read_regular(path, MAX_BYTES).decode("utf-8-sig", "replace")
     points: list[Point] = []
     for number, line in enumerate(text.splitlines(), 1):
-        is_blank = not line.strip(" ,")
+        is_blank = not line.strip(" ,;\t")
         if is_blank or line.lstrip().startswith("#"):
             continue
         place = f"{path}: line {number}"
         try:
-            z, diameter = map(float, line.split(","))
+            z, diameter = map(float, re.split("[,;\t]", line))
         except ValueError:
             is_header = number == 1
             if is_header:
                 continue
-            raise NcError(f"{place}: {line[:40]!r} is not Z and the diameter in mm") from None
+            raise NcError(
+                f"{place}: {line[:40]!r} is not Z and the diameter in mm, such as -50,100.5; "
+                "decimals have a point"
+            ) from None
         if not (abs(z) <= MAX_LENGTH and 0.0 <= diameter <= MAX_DIAMETER):
             raise NcError(
                 f"{place}: Z must be within {MAX_LENGTH:g} mm, "

@@ -49,8 +49,8 @@ def read_stock(text: str) -> Any:
         if path.suffix.lower() in (".dxf", ".csv"):
             return read_contour(path)
         raise NcError(
-            f"stock {text!r} is no bar:DIAMETERxLENGTH, tube:OUTERxINNERxLENGTH, "
-            "nor a .dxf or .csv file"
+            f"stock {text!r} is no bar:DIAMETERxLENGTH or tube:OUTERxINNERxLENGTH, in mm without a "
+            "unit and with a decimal point, nor a .dxf or .csv file"
         )
     bar = float(match[1] or 0.0)
     tube = float(match[2] or 0.0)

@@ -162,9 +162,11 @@ def test_a_turned_cylinder_has_its_volume_and_depth() -> None:
     assert depth[5:-2] == pytest.approx(2.0)
 
 
-def test_a_stock_is_a_bar_or_a_list_of_points(tmp_path: Path) -> None:
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+def test_a_stock_is_a_bar_or_a_list_of_points(separator: str, tmp_path: Path) -> None:
     path = tmp_path / "stock.csv"
-    path.write_text("z,diameter\n1,0\n1,50\n-60,50\n-60,0\n")
+    points = "z,diameter\n1,0\n1,50\n-60,50\n-60,0\n"
+    path.write_text(points.replace(",", separator))
     bar = read_stock("bar:50x60+1")
     assert volume(read_stock(str(path))) == pytest.approx(volume(bar))
 
@@ -176,6 +178,7 @@ def test_a_stock_is_a_bar_or_a_list_of_points(tmp_path: Path) -> None:
         pytest.param("bar:0x50", "above 0", id="no diameter"),
         pytest.param("tube:50x60x70", "below the outer", id="inner above outer"),
         pytest.param("bar:5.0.1x50", "no bar", id="no number"),
+        pytest.param("bar:50,5x60", "a decimal point", id="decimal comma"),
     ],
 )
 def test_a_stock_that_is_no_bar_is_refused(text: str, message: str) -> None:
@@ -189,7 +192,7 @@ def test_a_stock_that_is_no_bar_is_refused(text: str, message: str) -> None:
         pytest.param("1,2,3\n4,5,6", "line 1|line 2", id="three columns"),
         pytest.param("0,0\n1,-5", "line 2", id="negative diameter"),
         pytest.param("0,10\n", "no area", id="one point"),
-        pytest.param("a\nb", "line 2", id="letters"),
+        pytest.param("a\nb", "line 2.*-50,100.5; decimals have a point", id="letters"),
         pytest.param("1e9,5", "line 1", id="far away"),
     ],
 )
