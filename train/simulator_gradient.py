@@ -16,6 +16,7 @@ averages over updates: Polyak and Juditsky 1992, doi 10.1137/0330046; GRU: Cho e
 """
 
 import sys
+from collections.abc import Sequence
 from copy import deepcopy
 from types import SimpleNamespace
 from typing import Any, NamedTuple
@@ -67,11 +68,22 @@ class AveragedPolicy(torch.nn.Module):
             )
 
 
-class Taught(NamedTuple):
-    """The lessons of a rollout: see ``Lesson``; tensors of shape (steps, num_envs, ...)."""
+class TaughtStep(NamedTuple):
+    """A step and what the teacher tells about it."""
 
-    gradient: Tensor  # 0 where the agent changes the edge
+    lesson: Lesson
+    """Its ``gradient`` is 0 where the agent changes the edge."""
+    edge_left: NDArray[np.bool_]
+    """Whether the agent has changed the edge or the episode has ended, shape (num_envs,)."""
+
+
+class Taught(NamedTuple):
+    """The lessons of a rollout; tensors of shape (steps, num_envs, ...)."""
+
+    gradient: Tensor
+    """See ``Lesson``."""
     going_on: Tensor
+    """See ``earnings_ahead``."""
 
 
 class SimulatorGradient(GradientAlgorithm):
@@ -98,20 +110,24 @@ class SimulatorGradient(GradientAlgorithm):
         noisy[:, :targets] += self.settings.exploration * noise
         return noisy
 
-    def take(self, actions: NDArray[np.float32]) -> tuple[Any, Lesson]:
+    def take(self, actions: NDArray[np.float32]) -> tuple[Any, TaughtStep]:
         """Take a step; return its result and what the simulator teaches about it."""
         lesson = self.env.lesson(actions)
+        changed = np.zeros(len(actions), np.bool_)
         if self.actor.commands.changes_edges:
-            # The set point of a step that changes the edge is not that of the edge in use.
-            lesson.gradient[actions[:, -1] > 0.0] = 0.0
+            changed = actions[:, -1] > 0.0
+        # The set point of a step that changes the edge is not that of the edge in use.
+        lesson.gradient[changed] = 0.0
         self.logger.record_mean("train/cost", float(lesson.cost.mean()))
-        return self.env.step(actions), lesson
+        result = self.env.step(actions)
+        _, _, ended, _ = result
+        return result, TaughtStep(lesson, edge_left=changed | ended)
 
-    def stacked(self, lessons: list[Lesson]) -> Taught:
+    def stacked(self, lessons: list[TaughtStep]) -> Taught:
         """Return lessons with a first axis of steps."""
         return Taught(
-            gradient=torch.from_numpy(np.stack([lesson.gradient for lesson in lessons])),
-            going_on=torch.from_numpy(np.stack([lesson.going_on for lesson in lessons])),
+            gradient=torch.from_numpy(np.stack([step.lesson.gradient for step in lessons])),
+            going_on=torch.from_numpy(earnings_ahead(lessons, self.settings.change_lambda)),
         )
 
     def after_update(self) -> None:
@@ -144,13 +160,43 @@ class SimulatorGradient(GradientAlgorithm):
         return objective
 
 
+def earnings_ahead(steps: Sequence[TaughtStep], change_lambda: float) -> NDArray[np.float32]:
+    """Return mean earnings of going on with the edge from each step on [s].
+
+    Later steps of the rollout with the same edge count by powers of l = ``change_lambda``. With the
+    earnings e of a step, the mean G of the step t is
+
+        G_t = (1 - l) e_t + l G_(t+1),
+
+    but e_t if the edge has no later step, as if it had gone on to earn as much, and (1 - l) e_t if
+    the edge fails. After the last step of the rollout an edge goes on, but does not fail for sure.
+
+    Args:
+        steps: the steps of a rollout.
+        change_lambda: from 0, where one step decides, to 1.
+
+    Returns:
+        Means, shape (steps, num_envs).
+    """
+    means = np.empty((len(steps), *steps[0].lesson.going_on.shape), np.float32)
+    later = np.maximum(steps[-1].lesson.going_on, 0.0)
+    for index in reversed(range(len(steps))):
+        lesson = steps[index].lesson
+        earnings = lesson.going_on
+        after = np.where(steps[index].edge_left, earnings, later)
+        after = np.where(lesson.failed, 0.0, after)
+        later = (1.0 - change_lambda) * earnings + change_lambda * after
+        means[index] = later
+    return means
+
+
 def edge_change_gain(score: Tensor, going_on: Tensor) -> Tensor:
     """Return an objective whose maximum makes ``score`` positive if the edge should be changed.
 
     It is best to change an edge as soon as one more step with it has negative expected earnings
     (optimal stopping in the monotone case, Chow and Robbins 1961). The earnings ``going_on`` [s]
-    of that step are uncertain in advance. A logistic loss weighted by them is least if ``score``
-    has the opposite sign of their expectation. All have one shape.
+    of that step, or their mean over later ones, are uncertain in advance. A logistic loss weighted
+    by them is least if ``score`` has the opposite sign of their expectation. All have one shape.
     """
     return -(torch.relu(going_on) * softplus(score) + torch.relu(-going_on) * softplus(-score))
 
@@ -176,6 +222,9 @@ DEFAULTS: dict[str, Any] = {
     "cells": 192,  # of the GRU
     "learning_rate": 1e-3,  # falls linearly ...
     "final_learning_rate": 1e-5,  # ... to this
+    # Weight of later steps in whether to change the edge. Where edges break at random, one step
+    # teaches little: earnings_ahead.
+    "change_lambda": 0.0,
     "exploration": 0.05,  # standard deviation of the noise on actions
     "max_grad_norm": 0.5,
     "average_decay": 0.998,  # share of the averaged network that an update leaves

@@ -53,6 +53,9 @@ WORN_FROM = 0.9
 life less exactly, and an edge's last step alone teaches little."""
 MAX_GRADIENT = 50.0
 """Largest absolute gradient [s]: an edge of a step, such as a bar's end, must not decide alone."""
+FRESH_LIFE = 0.05
+"""Used life [-] up to which an edge that breaks would also have broken if it had been new
+(assumption)."""
 MIN_FORCE = 1e-3  # smallest force over the median strength of edges [-]
 MIN_SURVIVAL = 1e-3  # smallest probability to have survived
 MIN_STRENGTH_SPREAD = 1e-3  # smallest log standard deviation of strengths [-]
@@ -133,6 +136,8 @@ class Charge(NamedTuple):
     """Earnings of the step over those of changing the edge before it [s]."""
     failed: NDArray[np.bool_]
     """Whether the edge was worn out or broken. Then the cost says nothing."""
+    broken_fresh: NDArray[np.bool_]
+    """Whether a fresh edge was broken, against which no change of edges helps."""
     log_commands: Array
     """Logarithms of the commanded cutting speed [m/min] and feed [mm/rev], shape (2, num_envs)."""
 
@@ -146,6 +151,8 @@ class Lesson(NamedTuple):
     abrupt events alone."""
     going_on: NDArray[np.float32]
     """Earnings of one more step with the edge in use [s]."""
+    failed: NDArray[np.bool_]
+    """Whether that step wears the edge out or breaks it."""
     cost: NDArray[np.float32]
     """Cost of the step [s]; 0 where the edge fails."""
 
@@ -232,11 +239,16 @@ class TrialVecEnv(RoughTurningVecEnv):
             # The slope of what sets in abruptly, as the mean over the range of the probes.
             higher = self.charge(_moved(tried, entry, WIDE * probe))
             lower = self.charge(_moved(tried, entry, -WIDE * probe))
-            slope = slope - (higher.events - lower.events) / (2.0 * WIDE * LOG_PROBE)
-            gradient[:, command] = slope
+            change = higher.events - lower.events
+            if command == SPEED:
+                # Far above the speed at which edges collapse, both break. A lower speed would help.
+                lost = charge.broken_fresh & (change == 0.0)
+                change = np.where(lost, charge.events, change)
+            gradient[:, command] = slope - change / (2.0 * WIDE * LOG_PROBE)
         return Lesson(
             gradient=np.clip(gradient, -MAX_GRADIENT, MAX_GRADIENT).astype(np.float32),
             going_on=charge.going_on.astype(np.float32),
+            failed=failed,
             cost=np.where(failed, 0.0, charge.cost + charge.events).astype(np.float32),
         )
 
@@ -279,18 +291,22 @@ class TrialVecEnv(RoughTurningVecEnv):
 
         # While life has a price, the best set point earns just that price. Afterwards, going on
         # pays while metal earns more than time and overload cost. A breakage then costs its
-        # downtime only: a change also forgoes the life that is left.
+        # downtime only: a change also forgoes the life that is left. What threatens any edge alike,
+        # such as chipping by chatter, is no reason to change it.
         profit = table[ROW.reward_metal] + table[ROW.reward_overload]
         profit = profit - job["time_price"] * table[ROW.engaged_time]
-        going_on = np.where(life_price > 0.0, life_cost, profit) - chippings * job["breakage"]
+        going_on = np.where(life_price > 0.0, life_cost, profit)
         going_on = going_on - _worn_out(used_life, life_after, failed) * job["stop_unplanned"]
+        broken_fresh = broken & (used_life < FRESH_LIFE)
         going_on = np.where(broken, -job["breakage"], going_on)
+        going_on = np.where(broken_fresh, 0.0, going_on)
         return Charge(
             cost=cost,
             events=events,
             distance=np.maximum(table[ROW.path] - path, 1e-6),
             going_on=going_on,
             failed=failed,
+            broken_fresh=broken_fresh,
             log_commands=log(table[[ROW.commanded_cutting_speed, ROW.commanded_feed]]),
         )
 

@@ -20,7 +20,13 @@ from tests.train.test_dagger import FAMILY
 from tests.turning_env.test_family_env import BRIEF
 from train import export
 from train.run import Run
-from train.simulator_gradient import ALGORITHM, edge_change_gain
+from train.simulator_gradient import (
+    ALGORITHM,
+    TaughtStep,
+    earnings_ahead,
+    edge_change_gain,
+)
+from train.simulator_teacher import Lesson
 from train.training import VALIDATION, load_agent, play_agent, train
 from turning_env import FAMILY_ID, Family, Scenario
 
@@ -90,3 +96,33 @@ def test_the_change_of_an_edge_is_learned_from_the_sign_of_what_going_on_earns()
     (slope,) = torch.autograd.grad(gain, score_of_edge)
     # The slope of the logistic loss at 0 is a half.
     np.testing.assert_allclose(slope.numpy(), np.array([-1.5, 0.5]))
+
+
+def taught_step(going_on: list[float], failed: list[bool], edge_left: list[bool]) -> TaughtStep:
+    """Return a step with some earnings; what else is taught is 0."""
+    nothing = np.zeros(len(going_on), np.float32)
+    lesson = Lesson(
+        gradient=np.zeros((len(going_on), 2), np.float32),
+        going_on=np.array(going_on, np.float32),
+        failed=np.array(failed),
+        cost=nothing,
+    )
+    return TaughtStep(lesson=lesson, edge_left=np.array(edge_left))
+
+
+def test_earnings_ahead_are_those_of_later_steps_with_the_same_edge() -> None:
+    steps = [
+        taught_step([1.0, 1.0, 1.0], failed=[False] * 3, edge_left=[False] * 3),
+        taught_step([1.0, -8.0, 2.0], failed=[False, True, False], edge_left=[False, False, True]),
+        taught_step([1.0, 9.0, -9.0], failed=[False] * 3, edge_left=[False] * 3),
+    ]
+    means = earnings_ahead(steps, change_lambda=0.5)
+    # A steady edge; one that breaks in the second step; one that is changed in it.
+    np.testing.assert_allclose(means[:, 0], [1.0, 1.0, 1.0])
+    np.testing.assert_allclose(means[:2, 1], [0.5 + 0.5 * -4.0, -4.0])
+    np.testing.assert_allclose(means[:2, 2], [0.5 + 0.5 * 2.0, 2.0])
+    # After the rollout, what earns goes on, and what does not may stop.
+    np.testing.assert_allclose(means[2], [1.0, 9.0, -4.5])
+    np.testing.assert_array_equal(
+        earnings_ahead(steps, change_lambda=0.0), [step.lesson.going_on for step in steps]
+    )

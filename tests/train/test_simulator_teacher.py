@@ -10,6 +10,7 @@ from tests.turning_env.test_family_env import BRIEF_FAMILY
 from train.simulator_teacher import (
     FEED,
     LOG_PROBE,
+    SPEED,
     UNUSED_LIFE,
     WORN_FROM,
     TrialVecEnv,
@@ -252,3 +253,23 @@ def test_a_worn_edge_earns_less_than_a_fresh_one_even_where_it_is_changed() -> N
     earned_fresh = fresh.lesson(actions).going_on
     assert np.median(earned_worn) < np.median(earned_fresh)
     assert np.median(earned_fresh) > 0.0
+
+
+def test_a_fresh_edge_that_collapses_teaches_a_lower_speed_and_no_change() -> None:
+    # At a kelvin every edge collapses in its first step, at any speed within reach.
+    collapsing = changed("shift", edge_failure={"collapse_temperature": 1.0})
+    env = in_the_cut(collapsing, steps=3)
+    actions = np.tile(np.array([0.0, 0.0, -1.0], np.float32), (NUM_ENVS, 1))
+    lesson = env.lesson(actions)
+    assert lesson.failed.any()
+    assert (lesson.gradient[lesson.failed, SPEED] < 0.0).all()
+    assert (lesson.going_on[lesson.failed] == 0.0).all()
+
+
+def test_chipping_that_threatens_any_edge_is_no_reason_to_change_it() -> None:
+    actions = np.tile(np.array([0.0, 0.0, -1.0]), (NUM_ENVS, 1))
+    sound = in_the_cut(Scenario.load("shift"), steps=1).charge(actions)
+    chipping = in_the_cut(changed("shift", **CHIPPING), steps=1).charge(actions)
+    still_whole = ~sound.failed & ~chipping.failed
+    assert (chipping.cost > sound.cost)[still_whole].any()
+    np.testing.assert_array_equal(chipping.going_on[still_whole], sound.going_on[still_whole])
