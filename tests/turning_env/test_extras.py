@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from leaderboard.__main__ import main
 from tests.extras import check_extra
 from tests.test_constraints import PROJECT
 from tests.walking import ROOT
@@ -50,3 +51,17 @@ def test_a_missing_package_of_an_extra_is_explained(
     # Other distributions may have added their tables.
     monkeypatch.setattr(extras, "TABLES", [extras.EXTRAS])
     check_extra(PROJECT, extra)
+
+
+def test_help_on_the_commands_of_the_wheel_needs_no_package_of_a_clone(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "leaderboard.commands", None)
+    with pytest.raises(SystemExit) as ending:
+        main(["--help"])
+    assert ending.value.code == 0
+    printed = capsys.readouterr().out
+    assert "score" in printed
+    assert "pip install -e '.[benchmark]'" in printed
+    with pytest.raises(ModuleNotFoundError):
+        main(["run"])
