@@ -27,7 +27,7 @@ def shortened(preset: str, minutes: float) -> Scenario:
 
 SCENARIOS = {
     "rough_turning": shortened("rough_turning", minutes=1.0),
-    "override": shortened("override", minutes=0.1),
+    "override": shortened("override", minutes=0.07),
 }
 level = st.floats(-1.0, 1.0)
 

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
 from turning_shop.__main__ import main
-from turning_shop.advise import advise
+from turning_shop.advise import cheapest
 from turning_shop.allowed import NO_STRENGTH
 from turning_shop.plots import draw_map
 from turning_shop.prediction import Evidence, LawEvidence
@@ -117,8 +117,14 @@ def test_text_names_bending_that_goes_too_far(
     assert "the bar bends by" in printed.err
 
 
-def test_the_map_marks_where_most_metal_is_removed() -> None:
-    axes, _ = draw_map(BASE, Evidence(), wear=0.2).axes
+@pytest.fixture(scope="module")
+def usual_map() -> Figure:
+    """Return the map of the preset's edge, worn to 0.2 mm."""
+    return draw_map(BASE, Evidence(), wear=0.2)
+
+
+def test_the_map_marks_where_most_metal_is_removed(usual_map: Figure) -> None:
+    axes, _ = usual_map.axes
     (mark,) = [line for line in axes.lines if line.get_marker() == "D"]
     speed = float(mark.get_xdata()[0])
     feed = float(mark.get_ydata()[0])
@@ -146,7 +152,7 @@ def marks_of(figure: Figure) -> dict[str, tuple[float, float]]:
 
 
 def test_the_map_marks_the_advised_cut_beside_the_highest_removal_rate() -> None:
-    plan = advise(BASE, Evidence())[0].plan
+    plan = cheapest(BASE, Evidence())
     marks = marks_of(draw_map(BASE, Evidence(), wear=0.2, advised=plan))
     advised = (float(plan.cuts.cutting_speed), float(plan.cuts.feed))
     assert marks["advised, least cost"] == pytest.approx(advised)
@@ -180,7 +186,7 @@ def test_one_mark_shows_the_advised_cut_that_also_removes_most() -> None:
             "tool": {"edge_strength": NO_STRENGTH},
         }
     )
-    plan = advise(scenario, Evidence())[0].plan
+    plan = cheapest(scenario, Evidence())
     marks = marks_of(draw_map(scenario, Evidence(), wear=0.1, advised=plan))
     ((label, place),) = marks.items()
     assert "advised" in label
@@ -194,10 +200,9 @@ def test_a_map_without_an_allowed_cut_says_so_in_the_map() -> None:
     assert "nowhere within limits" in [text.get_text() for text in axes.texts]
 
 
-def test_no_edge_of_the_map_cuts_off_a_tool_life() -> None:
-    figure = draw_map(BASE, Evidence(), wear=0.2)
-    figure.draw_without_rendering()
-    axes = figure.axes[0]
+def test_no_edge_of_the_map_cuts_off_a_tool_life(usual_map: Figure) -> None:
+    usual_map.draw_without_rendering()
+    axes = usual_map.axes[0]
     within = axes.get_window_extent().padded(1.0)
     labels = [text for text in axes.texts if text.get_text().endswith(" min")]
     assert labels
@@ -211,7 +216,7 @@ def test_no_edge_of_the_map_cuts_off_a_tool_life() -> None:
 @pytest.mark.parametrize("preset", ["rough_turning", "forging", "override"])
 def test_callouts_cover_no_label_and_no_mark(preset: str) -> None:
     scenario = Scenario.load(preset)
-    plan = advise(scenario, Evidence())[0].plan
+    plan = cheapest(scenario, Evidence())
     figure = draw_map(scenario, Evidence(), wear=0.15, advised=plan)
     figure.draw_without_rendering()
     texts = [text for text in figure.axes[0].texts if text.get_text()]
@@ -243,8 +248,8 @@ def test_the_title_is_the_name_of_the_tool() -> None:
     assert axes.get_title(loc="left").startswith("CNMG120408-PM P25:")
 
 
-def test_the_map_labels_removal_rates_at_the_highest_speed() -> None:
-    _, axes = draw_map(BASE, Evidence(), wear=0.2).axes
+def test_the_map_labels_removal_rates_at_the_highest_speed(usual_map: Figure) -> None:
+    _, axes = usual_map.axes
     rates = [float(label.get_text()) for label in axes.get_yticklabels()]
     feeds = axes.get_yticks()
     cuts = what_if(BASE, BASE.machine.cutting_speed_max, feeds, wear=0.2)
@@ -258,8 +263,10 @@ def test_the_map_labels_removal_rates_at_the_highest_speed() -> None:
         pytest.param(1.1, "min *", id="below the lowest measured speed"),
     ],
 )
-def test_a_star_marks_a_cut_that_extrapolates(lowest_speed: float, ending: str) -> None:
-    axes, _ = draw_map(BASE, Evidence(), wear=0.2).axes
+def test_a_star_marks_a_cut_that_extrapolates(
+    lowest_speed: float, ending: str, usual_map: Figure
+) -> None:
+    axes, _ = usual_map.axes
     (mark,) = [line for line in axes.lines if line.get_marker() == "D"]
     speed = float(mark.get_xdata()[0])
     law = LawEvidence(
