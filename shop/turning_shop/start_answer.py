@@ -189,7 +189,7 @@ def sentence(job: CatalogueJob, advice: list[Advice]) -> str:
     low_feed, high_feed = feed_range(job.scenario)
     low_depth, high_depth = job.window.depths
     speed = f"{cuts.cutting_speed:.4g} m/min ({low_speed:.0f} to {high_speed:.0f})"
-    feed = f"{cuts.feed:.3g} mm/rev ({low_feed:.2g} to {high_feed:.2g})"
+    feed = f"{cuts.feed:.3g} mm/rev ({low_feed:.3g} to {high_feed:.3g})"
     depth = f"{cuts.depth_of_cut:g} mm deep ({low_depth:.2g} to {high_depth:.2g})"
 
     parts = _between(best.parts_low, best.parts_high)

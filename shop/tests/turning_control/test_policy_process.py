@@ -98,7 +98,7 @@ def test_a_policy_answers_whatever_it_prints(module: str) -> None:
 @pytest.mark.slow
 def test_a_policy_that_hangs_is_late_and_the_shield_commands_the_safe_feed(module: str) -> None:
     scenario = Scenario.load("rough_turning")
-    policy = start(f"{module}:hangs_after_one", deadline=0.2)
+    policy = start(f"{module}:hangs_after_one", deadline=0.1)
     shield = Shield(policy, scenario, 1)
     shield.act(observed())
     assert shield.reasons == ["passed"]

@@ -622,6 +622,14 @@ def test_the_answer_has_intervals_a_limit_and_what_to_measure(machine: str) -> N
     assert float(text.split()[-1]) == pytest.approx(high, abs=2.0)
 
 
+def test_the_advised_feed_lies_in_the_range_as_printed() -> None:
+    job = job_of(Question("6061", "CCGT120408", "N15", BAR, depth=2.0))
+    found = re.search(r"([\d.]+) mm/rev \(([\d.]+) to ([\d.]+)\)", sentence(job, start_advice(job)))
+    assert found
+    feed, low, high = map(float, found.groups())
+    assert low <= feed <= high
+
+
 def test_edges_that_are_stated_to_differ_less_need_fewer_readings(tmp_path: Path) -> None:
     path = tmp_path / "alike.toml"
     path.write_text("[tool]\nwear_factor_spread = 0.05\n")
