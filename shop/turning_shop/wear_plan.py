@@ -65,6 +65,11 @@ class Stop(NamedTuple):
     parts: float
     wear: float  # that is expected [mm]
 
+    @property
+    def parts_text(self) -> str:
+        """The parts for people."""
+        return "1 part" if self.parts == 1 else f"{self.parts:.3g} parts"
+
 
 def stops(job: CatalogueJob, best: PartPlan) -> list[Stop]:
     """Return when to stop and read an edge: after whole parts if it lasts some.
@@ -236,8 +241,7 @@ def _listed(planned: list[Stop]) -> str:
     """Return the stops as text."""
     texts = []
     for stop in planned:
-        parts = f"{stop.parts:.3g} part{'' if stop.parts == 1 else 's'}"
-        texts.append(f"{parts} ({stop.time:.3g} min of cutting)")
+        texts.append(f"{stop.parts_text} ({stop.time:.3g} min of cutting)")
     return ", ".join(texts[:-1]) + f" and {texts[-1]}"
 
 
@@ -263,7 +267,7 @@ def _boxes(planned: list[Stop], edges: int, units: Units) -> str:
     for stop in planned:
         expected = units.text(f"{stop.wear:.2f} mm")
         heads.append(
-            f'<th colspan="2">{stop.parts:.3g} parts<br>{stop.time:.3g} min'
+            f'<th colspan="2">{stop.parts_text}<br>{stop.time:.3g} min'
             f"<br><small>expected VB {expected}</small></th>"
         )
     names = "<th>VB [mm]</th><th>P [kW]</th>" * len(planned)

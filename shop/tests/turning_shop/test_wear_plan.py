@@ -16,6 +16,7 @@ from turning_shop.start_question import Question, Stock
 from turning_shop.wear_plan import (
     ENOUGH,
     READING_ERROR,
+    Stop,
     enough,
     expected_sheet,
     known_after,
@@ -117,6 +118,11 @@ def test_stops_are_after_whole_parts_and_reach_the_change(
     wears = [stop.wear for stop in planned]
     assert wears == sorted(set(wears))
     assert wears[-1] == pytest.approx(float(best.cuts.wear), rel=0.05)
+
+
+def test_one_part_is_a_part() -> None:
+    texts = [Stop(time=1.0, parts=parts, wear=0.1).parts_text for parts in (0.5, 1.0, 12.0)]
+    assert texts == ["0.5 parts", "1 part", "12 parts"]
 
 
 @pytest.mark.slow
