@@ -148,6 +148,8 @@ def _drive_simulated(options: argparse.Namespace) -> int:
     )
     name = Path(options.policy).stem if options.policy.endswith(".onnx") else options.policy
     print(linuxcnc.figures_table({name: comparison}))
+    if warning := linuxcnc.lateness(comparison.linuxcnc):
+        print(f"warning: {warning}", file=sys.stderr)
     return DONE
 
 

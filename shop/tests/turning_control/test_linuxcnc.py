@@ -437,6 +437,9 @@ def test_figures_of_a_run_add_up_its_cycles() -> None:
     assert figures.edges == 1.0
     # The feed is not the safe one in either cycle.
     assert figures.safe == 0.0
+    assert linuxcnc.lateness(figures) == ""
+    late = linuxcnc.figures([cycle, cycle | {"adaptive_feed": 0.25}], safe_share=0.25)
+    assert "held for 50 % of the time" in linuxcnc.lateness(late)
     assert figures.delay == pytest.approx(0.006)
 
 
