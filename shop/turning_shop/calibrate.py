@@ -213,7 +213,11 @@ def _why_kept(response: str, measurements: Measurements) -> str:
         fresh = columns["wear"] == 0.0
         if fresh.any():
             return "all rows are of fresh edges, wear 0"
-    return f"no row has all of {', '.join(needed)}"
+    empty = [name for name in needed if np.isnan(columns[name]).all()]
+    reason = f"no row has all of {', '.join(needed)}"
+    if empty:
+        reason += f"; empty in all rows: {', '.join(empty)}"
+    return reason
 
 
 def fitted_law(

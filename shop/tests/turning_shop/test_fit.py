@@ -191,6 +191,7 @@ def test_law_without_rows_stays_the_bases() -> None:
     measured.columns["thrust_force"] = np.full(40, np.nan)
     reason = calibrate(measured, BASE).kept["thrust_force"]
     assert "no row has all of thrust_force, cutting_speed" in reason
+    assert reason.endswith("empty in all rows: thrust_force")
 
 
 def test_a_sheet_without_responses_is_refused() -> None:
