@@ -126,6 +126,7 @@ def test_all_files_state_the_same_version() -> None:
     assert f"\nversion: {version}\n" in citation
 
 
+@pytest.mark.slow
 def test_every_package_of_an_extra_is_imported() -> None:
     sources = []
     for folder in ("turning_env", "baselines", "train", "leaderboard", "research", "examples"):

@@ -136,10 +136,10 @@ def recorded_for_minari(env_id: str, tmp_path: Path) -> None:
 DOORS = (
     made_by_gymnasium,
     drawn,
-    learned_with_make_vec_env,
-    learned_in_a_batch,
-    taken_by_torchrl,
     scored,
+    pytest.param(learned_with_make_vec_env, marks=pytest.mark.slow),
+    pytest.param(learned_in_a_batch, marks=pytest.mark.slow),
+    pytest.param(taken_by_torchrl, marks=pytest.mark.slow),
     pytest.param(recorded_for_minari, marks=pytest.mark.slow),
     pytest.param(trained_exported_and_ranked, marks=pytest.mark.slow),
 )

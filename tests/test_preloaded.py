@@ -16,6 +16,7 @@ sys.exit(3)
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "options",
     [
@@ -40,6 +41,7 @@ def test_a_stand_in_passes_on_streams_variables_and_status(
     assert finished.stderr == "a failure\n"
 
 
+@pytest.mark.slow
 def test_a_command_that_takes_too_long_is_ended(tmp_path: Path) -> None:
     preloaded.write_stand_in(tmp_path / "python", max_seconds=0.2)
     program = "import time; time.sleep(60)"

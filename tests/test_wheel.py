@@ -28,6 +28,7 @@ def files_of(package: str) -> set[str]:
     return {name for name in names if not name.startswith(LEFT_OUT)}
 
 
+@pytest.mark.slow
 def test_the_wheel_holds_the_packages_of_a_user_and_nothing_else(wheel: zipfile.ZipFile) -> None:
     packaged = {name for name in wheel.namelist() if ".dist-info/" not in name}
     expected = set()
@@ -38,6 +39,7 @@ def test_the_wheel_holds_the_packages_of_a_user_and_nothing_else(wheel: zipfile.
     assert packaged == expected
 
 
+@pytest.mark.slow
 def test_the_wheel_holds_the_licence(wheel: zipfile.ZipFile) -> None:
     licences = [name for name in wheel.namelist() if name.endswith("licenses/LICENSE")]
     assert len(licences) == 1

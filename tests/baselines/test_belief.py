@@ -29,6 +29,7 @@ def actions(size):
     return drawn
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep", "Disabled"])
 @pytest.mark.parametrize("source", ["family", {"base": "shift", "control": {"time_limit": 1.0}}])
 def test_a_batch_believes_what_single_environments_do_across_episodes(mode, source):
@@ -69,6 +70,7 @@ def test_a_batch_believes_what_single_environments_do_across_episodes(mode, sour
     assert episodes >= 2
 
 
+@pytest.mark.slow
 def test_expected_loads_are_as_sure_as_they_say():
     """On unknown lathes, readings differ from the belief by about its deviations.
 

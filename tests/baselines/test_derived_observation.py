@@ -74,6 +74,7 @@ def test_every_id_has_derived_entries_within_their_bounds(env_id):
             break
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep", "Disabled"])
 def test_a_batch_derives_what_single_environments_do_across_jobs(mode):
     envs = VectorDerivedObservation(FamilyVectorEnv(2, BRIEF_FAMILY, autoreset_mode=mode))

@@ -76,6 +76,7 @@ def recorded() -> dict[str, dict[str, Any]]:
 GOLDEN: dict[str, dict[str, Any]] = json.loads(FILE.read_text("utf-8")) if FILE.exists() else {}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", GOLDEN)
 def test_a_rule_acts_as_its_version_promises(name: str) -> None:
     golden = GOLDEN[name]

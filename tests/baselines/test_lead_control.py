@@ -21,6 +21,7 @@ def mean_return(name: str, scenario: Scenario, like: Scenario) -> float:
     return float(play(spec(name, scenario, like).make, scenario, SEEDS)["return"].mean())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("preset", "with_lead", "without"),
     [
@@ -35,6 +36,7 @@ def test_the_lead_returns_more_than_the_law_without(
     assert mean_return(with_lead, scenario, scenario) > mean_return(without, scenario, scenario)
 
 
+@pytest.mark.slow
 def test_harder_metal_than_nominal_is_estimated() -> None:
     surface = Scenario.load("surface")
     harder = changed(surface, mismatch={"hardness_factor": 1.3})
@@ -42,6 +44,7 @@ def test_harder_metal_than_nominal_is_estimated() -> None:
     assert mean_return("constant_force_lead", harder, surface) == pytest.approx(expected, abs=1.5)
 
 
+@pytest.mark.slow
 def test_roughness_settles_within_a_third_of_a_second_and_stays() -> None:
     """The servo's lag alone needs 0.4 s to come within 5 %: three time constants of 0.13 s."""
     surface = Scenario.load("surface")

@@ -56,6 +56,7 @@ def test_the_loop_holds_its_target_at_a_speed_relative_to_the_nominal_optimum():
     assert ratio == pytest.approx(1.1)
 
 
+@pytest.mark.slow
 def test_edges_are_changed_at_the_wear_that_the_edges_before_showed():
     """Edges that wear 1.25 times as fast as the nominal model says are soon changed in time."""
     values = STEADY.model_dump()

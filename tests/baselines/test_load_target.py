@@ -97,6 +97,7 @@ def test_edges_are_changed_at_the_wear_of_the_action():
     assert worn == pytest.approx([0.6] * len(worn), abs=0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep", "Disabled"])
 @pytest.mark.parametrize("source", ["family", SHORT_SHIFT])
 def test_a_batch_does_what_single_environments_do_across_episodes(mode, source):

@@ -81,6 +81,7 @@ def test_an_edge_that_wore_out_as_expected_raises_the_speed_a_little() -> None:
     assert change_at == 0.8
 
 
+@pytest.mark.slow
 def test_a_batch_acts_as_its_environments_alone() -> None:
     env = FamilyVectorEnv(
         2,

@@ -176,6 +176,7 @@ def test_a_data_set_has_the_same_checksum_again(
     assert checksum(made("mixture", tmp_path)) == again  # kept, not made again
 
 
+@pytest.mark.slow
 def test_noise_depends_on_the_episodes_seed_alone() -> None:
     _, together = record(policy("load_rule"), [7, 8], noise=0.2)
     (alone,) = record(policy("load_rule"), [8], noise=0.2)

@@ -166,6 +166,7 @@ def test_overload_is_counted_over_all_jobs_and_by_job() -> None:
     assert standing.overload.overload_share == pytest.approx(1.1 * standing.overload.severe_share)
 
 
+@pytest.mark.slow
 def test_a_job_does_not_depend_on_those_that_are_played_with_it() -> None:
     task = family_task(BRIEF_FAMILY, "unseen_jobs", 70)
     policy = one_named("idle", task)
@@ -195,6 +196,7 @@ def test_a_split_has_a_name_and_a_number_of_jobs() -> None:
         family_task(BRIEF_FAMILY, None, 10_000)
 
 
+@pytest.mark.slow
 def test_known_forms_play_only_families_that_hide_some() -> None:
     unmodelled = family_task("unmodelled", "validation", 1)
     known = one_named(KNOWN_FORMS, unmodelled)
@@ -207,6 +209,7 @@ def test_known_forms_play_only_families_that_hide_some() -> None:
         named([KNOWN_FORMS], family_task("shop", "validation", 1))
 
 
+@pytest.mark.slow
 def test_trajectories_of_jobs_are_those_that_were_played(tmp_path: Path) -> None:
     task = family_task(BRIEF_FAMILY, "unseen_jobs", 8)
     folder = result_folder(tmp_path, FAMILY_ID, task.scenario.name)
@@ -318,6 +321,7 @@ def test_results_on_a_family_that_is_not_there_cannot_be_verified(
     assert complaint in capsys.readouterr().out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["rescaled_grid_search", CAUSAL])
 def test_a_policy_that_travels_to_another_process_plays_alike(name: str) -> None:
     policy = one_named(name, TASK)

@@ -252,6 +252,7 @@ def test_validation_plays_the_tuning_seeds_and_has_no_rank_on_the_leaderboard() 
     assert "-> this policy" in scored.table()
 
 
+@pytest.mark.slow
 def test_validation_scores_between_the_ends_and_compares_with_the_best_rule() -> None:
     rule = spec("override_tuned", Scenario.load("override"))
     scored = score(rule, OVERRIDE, seeds=4, split="validation")
@@ -267,6 +268,7 @@ def test_validation_scores_between_the_ends_and_compares_with_the_best_rule() ->
     assert names[-1] == "causal"
 
 
+@pytest.mark.slow
 def test_a_validation_score_has_a_rank_among_those_on_these_seeds() -> None:
     rule = spec("one_line_law", Scenario.load("override"))
     scored = score(rule, OVERRIDE, seeds=4, split="validation")
@@ -317,6 +319,7 @@ def test_an_unknown_split_is_refused() -> None:
         score(full_feed, PAPER, split="train")  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_a_rule_is_scored_by_its_spec() -> None:
     rule = spec("constant_power_lead", Scenario.load("override"))
     scored = score(rule, OVERRIDE, seeds=2)
@@ -508,6 +511,7 @@ def test_the_policy_of_a_model_plays_on_plain_observations_with_a_notice() -> No
     assert returns == returns_of(model)
 
 
+@pytest.mark.slow
 def test_a_model_that_was_trained_on_named_entries_is_refused() -> None:
     env = DummyVecEnv([lambda: ByName(gymnasium.make(PAPER))])
     model = PPO("MultiInputPolicy", env, device="cpu")

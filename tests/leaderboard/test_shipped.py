@@ -140,6 +140,7 @@ KNOWING = {
 """The policy of each family that knows what its nominal models lack."""
 
 
+@pytest.mark.slow
 def test_policies_of_the_family_play_every_job_of_their_splits() -> None:
     knowing = {}
     for family in families():

@@ -57,6 +57,7 @@ def test_actions_and_commands_are_those_of_the_environment(preset: str) -> None:
         np.testing.assert_allclose(log_commanded.feed.exp(), infos["commanded_feed"], rtol=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("preset", ["rough_turning", "override", "shift"])
 def test_the_tracker_knows_where_the_tool_is(preset: str) -> None:
     scenario = Scenario.load(preset)

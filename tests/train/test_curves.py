@@ -69,6 +69,7 @@ def test_the_axis_of_returns_ends_near_the_curves() -> None:
     assert -70.0 < high < 0.0
 
 
+@pytest.mark.slow
 def test_a_file_of_curves_draws_the_same_picture_and_takes_further_trainings(
     tmp_path: Path,
 ) -> None:

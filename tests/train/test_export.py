@@ -272,6 +272,7 @@ SHORT_TRAINING: dict[str, Any] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [PPO, RecurrentPPO], ids=lambda kind: kind.__name__)
 def test_a_normalised_model_needs_its_statistics(
     kind: Any, scenario: str, tmp_path: Path, capsys

@@ -124,6 +124,7 @@ def test_roughness_is_charged_as_in_a_real_step() -> None:
     assert (charge.cost[~charge.failed] >= least[~charge.failed] - 1e-9).all()
 
 
+@pytest.mark.slow
 def test_expected_stops_are_the_mean_of_those_that_happen() -> None:
     num_envs = 4096
     swarf = {"tangle_rate": 10.0, "chip_feed_min": 0.9, "chip_feed_max": 1.0}
@@ -186,6 +187,7 @@ STRENGTH = {"tool": {"edge_strength": 800.0, "edge_strength_spread": 0.3}}
 CHIPPING = {"edge_failure": {"chipping_rate": 300.0, "chipping_load_exponent": 1.0}}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("failure", [STRENGTH, CHIPPING], ids=["strength", "chipping"])
 def test_expected_breakages_are_the_mean_of_those_that_happen(failure: dict[str, Any]) -> None:
     num_envs = 4096
@@ -222,6 +224,7 @@ def test_a_whole_edge_pays_for_itself_at_the_prices_of_life_and_time() -> None:
     assert at_life(nodes, np.array([1.5])) == pytest.approx(nodes[0, -1])
 
 
+@pytest.mark.slow
 def test_lessons_change_no_trajectory_and_follow_the_jobs() -> None:
     taught = TrialVecEnv(BRIEF_FAMILY, NUM_ENVS)
     plain = TrialVecEnv(BRIEF_FAMILY, NUM_ENVS)

@@ -238,6 +238,7 @@ def test_frames_are_those_of_the_environments() -> None:
     assert env.render().shape == (2 * 640, 960, 3)
 
 
+@pytest.mark.slow
 def test_videos_are_recorded(tmp_path: Path) -> None:
     pytest.importorskip("moviepy")
     env = VecVideoRecorder(

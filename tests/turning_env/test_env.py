@@ -36,6 +36,7 @@ def step(env, actions):
     return answer
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", [gymnasium.make, make_vector])
 @pytest.mark.parametrize("source", ["preset", "scenario", "file", "dict"])
 def test_a_stored_spec_makes_the_same_environment(make, source, tmp_path):

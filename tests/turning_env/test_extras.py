@@ -25,6 +25,7 @@ raise SystemExit(use())
 """
 
 
+@pytest.mark.slow
 def test_another_package_called_baselines_is_named(tmp_path: Path) -> None:
     other = tmp_path / "baselines"
     other.mkdir()

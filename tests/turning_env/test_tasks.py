@@ -70,6 +70,7 @@ def test_the_reference_changes_in_fixed_periods():
     assert steps[-1]["truncated"]
 
 
+@pytest.mark.slow
 def test_references_are_even_on_a_log_scale_over_their_range():
     references = []
     for seed in range(150):

@@ -152,6 +152,7 @@ def assert_same_infos(infos, expected):
             assert infos[key].flags.writeable == values.flags.writeable, key
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", AutoresetMode)
 @pytest.mark.parametrize("env_id", ALL_IDS)
 def test_it_steps_and_is_truncated_as_gymnasiums_vector_environment(env_id, mode):

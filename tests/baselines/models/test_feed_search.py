@@ -142,6 +142,7 @@ def test_the_slope_of_the_gain_leads_uphill(scenario: Scenario) -> None:
         assert gain >= trial.gain
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize(
     ("scenario", "of_points"),

@@ -12,6 +12,7 @@ SURFACE = Scenario.load("surface")
 SEEDS = tuning_seeds(4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("task", "brief", "rule"),
     [
@@ -42,6 +43,7 @@ def test_knowing_the_load_is_worth_more_than_measuring_it(
     assert (known["return"] > measured["return"]).all()
 
 
+@pytest.mark.slow
 def test_a_constant_depth_is_cut_at_the_limit_and_not_above() -> None:
     steady = changed(
         OVERRIDE,

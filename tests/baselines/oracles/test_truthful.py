@@ -12,6 +12,7 @@ from turning_env import Family
 SPLIT = "unseen_jobs"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("true_fields", ["", "material.wear."], ids=["all laws", "wear law"])
 def test_nominal_models_are_true_in_the_named_fields_and_the_process_is_the_same(
     true_fields: str,

@@ -54,6 +54,7 @@ def test_it_acts_there_bit_for_bit_as_here(memory: bool) -> None:
         actions[:] = 0.0  # they are the caller's own
 
 
+@pytest.mark.slow
 def test_a_file_is_looked_at_and_tried_elsewhere(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -264,6 +265,7 @@ def test_links_pipes_devices_and_folders_are_no_files(tmp_path: Path) -> None:
             onnx_policy.load(name)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("load", "max_bytes"), [(onnx_policy.load, 20_000_000), (sandbox.load, 200_000_000)]
 )

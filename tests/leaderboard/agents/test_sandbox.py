@@ -77,6 +77,7 @@ wire.recv(100)
         Sandbox(b"content", program=program)
 
 
+@pytest.mark.slow
 @linux
 def test_the_limit_of_memory_is_in_mebibytes() -> None:
     program = """
@@ -204,6 +205,7 @@ def test_a_network_that_takes_too_much_memory_is_stopped(tmp_path: Path) -> None
         acted(path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size_threshold", [0, 100], ids=["all", "large ones"])
 def test_a_network_cannot_read_a_sibling(
     size_threshold: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -235,6 +237,7 @@ def test_a_network_cannot_read_a_sibling(
         sandbox.load(path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "content",
     [b"", b"\x08\x07garbage" * 50, b"PK\x03\x04"],
@@ -268,6 +271,7 @@ def test_actions_of_more_numbers_than_any_task_has_are_refused(tmp_path: Path) -
         sandbox.load(path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("element", "axes"),
     [(TensorProto.FLOAT, [1, 11]), (TensorProto.DOUBLE, ["n", 11]), (TensorProto.FLOAT, [11])],

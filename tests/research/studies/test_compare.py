@@ -134,6 +134,7 @@ def test_what_was_trained_and_played_is_kept(
     assert len(capsys.readouterr().out.splitlines()) == 3
 
 
+@pytest.mark.slow
 def test_agents_of_a_family_learn_on_as_many_lathes_with_such_sensors_as_a_study_says() -> None:
     curves = Study.read("curves")
     few = home_of(curves, curves.variant("ppo_16_lathes"))

@@ -21,6 +21,7 @@ def test_the_area_under_the_curve_is_the_chance_to_order_a_pair() -> None:
     assert area_under_curve(np.ones(4), present) == 0.5
 
 
+@pytest.mark.slow
 def test_left_out_jobs_are_told_apart_by_a_number_that_tells_and_not_by_noise() -> None:
     generator = np.random.default_rng(1)
     present = generator.random(400) < 0.5

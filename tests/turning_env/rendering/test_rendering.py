@@ -41,6 +41,7 @@ class Rendered(gymnasium.Wrapper):
         return result
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "scenario", [SHORT_LIVED, "override", "batch_casting"], ids=["short", "override", "batch"]
 )

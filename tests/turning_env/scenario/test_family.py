@@ -103,6 +103,7 @@ def test_an_unknown_split_is_refused():
         SHOP.job(0, "unseen_job")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("split", SHOP.splits)
 def test_every_job_makes_sense_and_is_a_scenario(split):
     jobs = SHOP.draw(split, 0)
@@ -399,6 +400,7 @@ def test_errors_name_the_field_and_what_is_allowed(changes, message):
         Family.load(SMALL | changes)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("split", ["unseen_materials", "unseen_machines"])
 @pytest.mark.parametrize("first_is_a_line", [False, True])
 def test_jobs_are_played_though_the_first_one_has_another_form_of_a_law(split, first_is_a_line):
