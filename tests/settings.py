@@ -91,9 +91,11 @@ def read_onnx_functions_once() -> None:
         ONNXRegistry.from_torchlib = kept
 
 
-def pytest_collection_finish() -> None:
+def pytest_collection_finish(session: pytest.Session) -> None:
     """Leave what was imported out of garbage collections, which visit a million objects else."""
-    read_onnx_functions_once()
+    # Only slow tests export agents.
+    if any(item.get_closest_marker("slow") for item in session.items):
+        read_onnx_functions_once()
     gc.collect()
     gc.freeze()
     gc.enable()

@@ -5,7 +5,6 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
-from distributed import LocalCluster
 
 from baselines.policy_spec import PolicySpec
 from leaderboard import policies, run, workers
@@ -53,6 +52,9 @@ def expected(
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[workers.Workers]:
     """Workers on a cluster of one process."""
+    # Its import takes a third of a second in each worker of the suite.
+    from distributed import LocalCluster
+
     local = LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=":0")
     with local, workers.workers(1, local.scheduler_address) as over:
         yield over
