@@ -549,6 +549,7 @@ def halved() -> Any:
     return DummyVecEnv([lambda: Halved(gymnasium.make(PAPER))])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("make_env", "message"),
     [

@@ -25,6 +25,7 @@ def mixture(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return datasets.record(FAMILY, "mixture", JOBS, tmp_path_factory.mktemp("sets"))
 
 
+@pytest.mark.slow
 def test_a_data_set_plays_again_in_the_environment_that_it_recovers(mixture: Path) -> None:
     dataset = datasets.load(mixture)
     env = dataset.recover_environment()
@@ -72,6 +73,7 @@ def test_the_mixture_has_three_behaviours_by_turns_of_jobs(mixture: Path) -> Non
     assert [behaviours[job] for job in range(JOBS)] == (names + names)[:JOBS]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("policy", ["self_tuning", "causal", "random"])
 def test_a_recording_earns_what_the_policy_earns_on_the_leaderboard(policy: str) -> None:
     known = Truthful.of(FAMILY) if policy == "causal" else FAMILY
@@ -95,6 +97,7 @@ def test_noise_depends_on_the_job_alone_and_changes_no_edge() -> None:
     assert difference[2] == 0.0
 
 
+@pytest.mark.slow
 def test_an_interrupted_recording_leaves_nothing_and_the_command_records_it_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

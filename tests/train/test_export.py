@@ -146,6 +146,7 @@ def test_a_module_of_other_shapes_is_refused(
     assert not path.exists()
 
 
+@pytest.mark.slow
 def test_a_training_elsewhere_states_its_wrappers(tmp_path: Path) -> None:
     torch.manual_seed(0)
     module = torch.nn.Linear(17, 2)  # 11 entries and six derived ones
@@ -174,6 +175,7 @@ def test_wrong_settings_of_a_training_elsewhere_are_refused(
     assert complaint in refusal(capsys, tmp_path / "out", path, "--set", setting)
 
 
+@pytest.mark.slow
 def test_a_model_behind_the_wrappers_of_families_is_exported_with_them(
     tmp_path: Path, scenario: str
 ) -> None:

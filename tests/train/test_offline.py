@@ -64,6 +64,7 @@ def played_actions(make: Callable[[int], Any]) -> Any:
     return np.stack(actions)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["bc", "td3_bc"])
 def test_a_trained_agent_is_loaded_and_plays_jobs(name: str, sets: Path, tmp_path: Path) -> None:
     run = small_run(name, sets, tmp_path, n_updates=5)
@@ -116,6 +117,7 @@ def test_an_agent_is_ranked_by_what_the_data_sets_policy_knows(
     assert Inputs.of(stating_information(run).parameters).agent_class == expected
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
@@ -133,6 +135,7 @@ def test_a_data_set_that_does_not_fit_is_refused(
     assert not run.policy.exists()
 
 
+@pytest.mark.slow
 def test_a_data_set_of_another_policy_is_refused(sets: Path, tmp_path: Path) -> None:
     (tmp_path / "shop-causal-v0").symlink_to(sets / "shop-self_tuning-v0")
     run = small_run("bc", tmp_path, tmp_path / "runs", behaviour="causal")
@@ -183,6 +186,7 @@ def test_bc_reproduces_a_linear_policy() -> None:
     np.testing.assert_allclose(actions, observations @ weights.numpy(), atol=0.15)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["iql", "td3_bc"])
 def test_rewards_move_the_agent_from_the_mean_action_to_the_best_one(name: str) -> None:
     best = torch.tensor([0.5, -0.5])

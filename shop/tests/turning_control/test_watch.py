@@ -152,6 +152,7 @@ def run_up(obeys_from: float) -> ClosedLoop:
     return loop
 
 
+@pytest.mark.slow
 def test_in_a_run_up_with_adaptive_feed_off_the_feed_need_not_follow() -> None:
     loop = run_up(obeys_from=-0.3)
     assert loop.position > 0.0
@@ -159,6 +160,7 @@ def test_in_a_run_up_with_adaptive_feed_off_the_feed_need_not_follow() -> None:
     assert loop.commands.status == Status.POLICY
 
 
+@pytest.mark.slow
 def test_a_feed_that_does_not_follow_in_metal_is_a_fault() -> None:
     loop = run_up(obeys_from=math.inf)
     assert loop.position > 0.0

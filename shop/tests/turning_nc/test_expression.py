@@ -126,6 +126,7 @@ def test_numbers_below_0_are_refused_where_controls_differ(text: str) -> None:
         parse(text).value({})
 
 
+@pytest.mark.slow
 @given(st.recursive(st.sampled_from(["0", "1", "#1"]), lambda inner: st.tuples(inner, inner)))
 def test_conjunctions_in_brackets_agree_with_bits(tree: object) -> None:
     text, bits = written(tree, "AND", "&")

@@ -121,6 +121,7 @@ ENDLESS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ENDLESS)
 def test_endless_programs_end(name: str) -> None:
     with pytest.raises(NcError, match=r"line \d+: more than"):
@@ -176,6 +177,7 @@ def test_stocks_without_a_size_are_refused(name: str) -> None:
         read_stock(STOCKS[name])
 
 
+@pytest.mark.slow
 def test_a_drawing_that_is_damaged_or_in_too_large_units_is_refused(tmp_path: Path) -> None:
     drawing = pytest.importorskip("ezdxf").new()
     path = tmp_path / "stock.dxf"

@@ -89,6 +89,7 @@ def test_metal_in_pieces_is_the_polygon_that_all_cuts_leave() -> None:
     assert metal.polygon().symmetric_difference(whole).area < 1e-6
 
 
+@pytest.mark.slow
 def test_a_cut_meets_few_vertices_however_many_cuts_there_were() -> None:
     metal = Metal(bar(-50.0, 0.0))
     shape = shape_of("outside")

@@ -191,6 +191,7 @@ PIECES = (
 )
 
 
+@pytest.mark.slow
 def test_damaged_programs_are_read_or_refused() -> None:
     rng = random.Random(7)
     num_read = 0

@@ -118,6 +118,7 @@ def walk(tmp_path_factory: pytest.TempPathFactory) -> Walk:
     return Walk(folder, text, advice=results["advice"][0])
 
 
+@pytest.mark.slow
 def test_sentence_table_and_json_of_the_advice_have_the_same_numbers(walk: Walk) -> None:
     advice = walk.advice
     cells = re.fullmatch(

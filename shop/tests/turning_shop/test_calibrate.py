@@ -124,6 +124,7 @@ def test_a_power_beyond_the_catalogue_of_the_base_asks_for_the_unit(
     assert ("is cutting_speed in rev/min" in capsys.readouterr().err) == is_named
 
 
+@pytest.mark.slow
 def test_a_file_is_not_based_on_itself() -> None:
     assert calibrate() == 0
     assert calibrate("--base", "my_tool.toml", "--overwrite") == 2

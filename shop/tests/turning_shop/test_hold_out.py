@@ -64,6 +64,7 @@ def test_the_sheet_is_divided_as_asked(sheet: Path, by: str | int | None, parts:
         assert len(np.unique(result.parts)) == parts
 
 
+@pytest.mark.slow
 def test_wear_over_time_is_predicted(tmp_path: Path) -> None:
     path = tmp_path / "cuts.csv"
     path.write_text(wear_curves())
@@ -75,6 +76,7 @@ def test_wear_over_time_is_predicted(tmp_path: Path) -> None:
         assert 1.0 < result.width < 1.5
 
 
+@pytest.mark.slow
 def test_edges_without_names_cannot_be_left_out(tmp_path: Path) -> None:
     lines = forces(0.5, WEARS).splitlines()
     path = tmp_path / "cuts.csv"

@@ -221,6 +221,7 @@ NOSE_RADIUS = 1.2  # of ``slender`` [mm]
 ROUGHNESS = 6.0  # limit [um]
 
 
+@pytest.mark.slow
 def test_a_roughness_limits_the_feed_of_advice_and_map(slender: Scenario) -> None:
     limited, _ = load("slender.toml", roughness=ROUGHNESS)
     low, high = feed_range(limited)

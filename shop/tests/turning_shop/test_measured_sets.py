@@ -63,6 +63,7 @@ def h13(tmp_path: Path) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_it_finds_the_growth_of_vicomtech(
     main: Main, vicomtech: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -78,6 +79,7 @@ def test_it_finds_the_growth_of_vicomtech(
     assert sheet.columns["wear"].max() == pytest.approx(0.4)
 
 
+@pytest.mark.slow
 def test_it_finds_the_share_of_a_fresh_edge_and_the_wear_of_h13(
     main: Main, h13: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -271,6 +271,7 @@ def test_endless_files_are_refused(tmp_path: Path) -> None:
             read_measurements(endless)
 
 
+@pytest.mark.slow
 def test_huge_sheets_are_refused(tmp_path: Path) -> None:
     with pytest.raises(WorkshopError, match="is larger than 50000000 bytes"):
         read_measurements(reading(tmp_path, b"0" * 50_000_001))

@@ -114,6 +114,7 @@ WRONG = {
 """Sheets, and what must be said of them."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", WRONG)
 def test_wrong_sheets_are_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
@@ -157,6 +158,7 @@ def measured() -> Measurements:
     return Measurements(sheet(), np.arange(FIRST_LINE, FIRST_LINE + ROWS))
 
 
+@pytest.mark.slow
 def test_the_robust_law_is_that_of_the_other_rows() -> None:
     wrong = measured()
     # So far out that a law of least squares is drawn to this row.

@@ -81,6 +81,7 @@ def test_fresh_edges_tell_the_exponents(
     assert fitted.law.depth_of_cut == pytest.approx(1.0, abs=0.05)
 
 
+@pytest.mark.slow
 def test_fresh_edges_are_rows_of_the_law(tmp_path: Path) -> None:
     with_fresh = calibrate(measured(tmp_path, forces(0.5, (0.0, 0.1, 0.2, 0.3))), BASE)
     without = calibrate(measured(tmp_path, forces(0.5, (0.1, 0.2, 0.3))), BASE)
@@ -144,6 +145,7 @@ def test_copies_are_one_reading(tmp_path: Path, rows: list[str]) -> None:
         calibrate(measurements, BASE)
 
 
+@pytest.mark.slow
 def test_copies_do_not_narrow_intervals(tmp_path: Path) -> None:
     text = forces(0.5, (0.1, 0.2, 0.3))
     header, *rows = text.splitlines(keepends=True)

@@ -223,6 +223,7 @@ def test_every_hardness_of_an_alloy_has_one_law() -> None:
     assert by_law.tool_life / nominal.tool_life == pytest.approx(0.67**4, rel=0.1)
 
 
+@pytest.mark.slow
 def test_hardness_is_read_in_hb_and_hrc(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "start.toml"
     words = "--material 42CrMo4 --tool CNMG120408-PM --grade P25 --stock 80x200 --depth 2"
@@ -240,6 +241,7 @@ def test_hardness_is_read_in_hb_and_hrc(tmp_path: Path, capsys: pytest.CaptureFi
     assert "no file states the hardness" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_the_condition_is_asked_for_where_it_decides(capsys: pytest.CaptureFixture[str]) -> None:
     words = "--tool CNMG120408-PM --grade P25 --stock 80x200 --depth 2"
     assert main(["advise", "--material", "42CrMo4", *words.split()]) == 0
@@ -481,6 +483,7 @@ def test_the_start_speed_of_a_box_is_that_of_the_middle_of_its_feeds() -> None:
     assert cuts.tool_life == pytest.approx(15.0)
 
 
+@pytest.mark.slow
 def test_a_cut_beyond_the_catalogue_is_marked_and_explained(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -494,6 +497,7 @@ def test_a_cut_beyond_the_catalogue_is_marked_and_explained(
     assert "* outside what was in the catalogue: cutting_speed 309 SFM, but" in printed
 
 
+@pytest.mark.slow
 def test_conditions_of_the_cut_lower_its_speed(capsys: pytest.CaptureFixture[str]) -> None:
     """Dormer Pramet 2024, p. 76: skin 0.70, interrupted 0.80, unstable 0.85."""
     question = Question("42CrMo4", "CNMG120408-PM", "P25", BAR, depth=2.0)
@@ -536,6 +540,7 @@ def test_a_round_insert_has_the_mean_angle_of_its_arc() -> None:
         job_of(question._replace(depth=4.0))
 
 
+@pytest.mark.slow
 def test_a_wiper_halves_the_roughness(capsys: pytest.CaptureFixture[str]) -> None:
     words = "--material 42CrMo4 --grade P25 --stock 80x200 --depth 2 --roughness 10 --tool"
     feeds = []
@@ -548,6 +553,7 @@ def test_a_wiper_halves_the_roughness(capsys: pytest.CaptureFixture[str]) -> Non
     assert "a wiper leave a roughness of about 10.0 um" in printed
 
 
+@pytest.mark.slow
 def test_a_tube_bends_more_and_has_a_wall(capsys: pytest.CaptureFixture[str]) -> None:
     """The second moment of area of a tube is 1 - (d / D)^4 that of a bar."""
     question = Question("42CrMo4", "CNMG120408-PM", "P25", BAR, depth=2.0)
@@ -565,6 +571,7 @@ def test_a_tube_bends_more_and_has_a_wall(capsys: pytest.CaptureFixture[str]) ->
         assert "inner" in capsys.readouterr().err.lower()
 
 
+@pytest.mark.slow
 def test_a_life_beyond_the_catalogues_data_is_not_limited_by_wear(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -592,6 +599,7 @@ def test_a_decimal_comma_asks_for_a_point(words: str, capsys: pytest.CaptureFixt
     assert "decimals have a point" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_the_answer_has_intervals_a_limit_and_what_to_measure(machine: str) -> None:
     question = Question(
         "42CrMo4",
@@ -630,6 +638,7 @@ def test_the_advised_feed_lies_in_the_range_as_printed() -> None:
     assert low <= feed <= high
 
 
+@pytest.mark.slow
 def test_edges_that_are_stated_to_differ_less_need_fewer_readings(tmp_path: Path) -> None:
     path = tmp_path / "alike.toml"
     path.write_text("[tool]\nwear_factor_spread = 0.05\n")
@@ -638,6 +647,7 @@ def test_edges_that_are_stated_to_differ_less_need_fewer_readings(tmp_path: Path
     assert "the flank wear of 4 edges" in sentence(job, start_advice(job))
 
 
+@pytest.mark.slow
 def test_on_a_weak_machine_the_power_is_what_to_measure(tmp_path: Path) -> None:
     path = tmp_path / "weak.toml"
     path.write_text(MACHINE.replace("15.0", "5.0"))
@@ -656,6 +666,7 @@ def test_on_a_weak_machine_the_power_is_what_to_measure(tmp_path: Path) -> None:
     assert "the spindle's power in one cut" in sentence(job, advice)
 
 
+@pytest.mark.slow
 def test_the_nameplates_power_is_not_that_of_the_cut(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -675,6 +686,7 @@ def test_the_nameplates_power_is_not_that_of_the_cut(
     assert "limits.power, 11 kW, leaves" in printed
 
 
+@pytest.mark.slow
 def test_the_probability_of_overload_is_told_where_power_binds(tmp_path: Path) -> None:
     """At its limit, half of the machines of a law without bias are overloaded."""
     path = tmp_path / "machine.toml"
@@ -757,6 +769,7 @@ def test_a_depth_beyond_the_edge_is_refused_and_one_beyond_the_breaker_is_named(
     assert any("chips may not break" in text for text in shallow.assumptions)
 
 
+@pytest.mark.slow
 def test_the_written_scenario_gives_the_same_advice(
     machine: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

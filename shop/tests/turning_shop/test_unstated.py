@@ -167,6 +167,7 @@ def test_headline_and_simulation_agree_everywhere(
         assert sentence in " ".join(drawn.split())
 
 
+@pytest.mark.slow
 def test_a_broken_edge_is_on_the_sheet() -> None:
     changes = {"edge_failure": {"collapse_temperature": 300.0}, "control": {"time_limit": 2.0}}
     scenario = Scenario.load({"tool": {"edge_strength": 1e6}} | changes)
@@ -178,6 +179,7 @@ def test_a_broken_edge_is_on_the_sheet() -> None:
     assert sentences[1] in drawn
 
 
+@pytest.mark.slow
 def test_a_strength_that_is_stated_bounds_the_thrust(folder: Path) -> None:
     scenario, evidence = load(folder / "varied.toml")
     scenario = scenario.model_copy(update={"limits": scenario.limits.model_copy(update=NO_LIMIT)})
@@ -196,6 +198,7 @@ def test_a_strength_that_is_stated_bounds_the_thrust(folder: Path) -> None:
         advise(weak, evidence)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("power", [4.0, 6.0])
 def test_limits_are_kept_on_bars_that_vary(folder: Path, power: float) -> None:
     scenario, evidence = load(folder / "varied.toml")

@@ -83,6 +83,7 @@ def test_the_plan_promises_what_calibrating_on_such_readings_gives(
     assert promised.power.log_width == pytest.approx(np.median(powers), rel=0.35)
 
 
+@pytest.mark.slow
 def test_the_width_of_the_life_is_that_of_a_mean_of_edges(
     job: CatalogueJob, best: PartPlan
 ) -> None:
