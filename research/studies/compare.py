@@ -322,7 +322,7 @@ def played(piece: tuple[str, int], study: Study, runs: Path) -> VariantEpisodes:
             controller = _controller(variant, scenario, Scenario.load(IDS[study.task]))
             identity.append(controller.identity)
             work = partial(play, informed(controller, scenario), scenario, seeds)
-        episodes[scenario.name] = _cached(runs, [*identity, scenario.digest()], work)
+        episodes[scenario.name] = kept_episodes(runs, [*identity, scenario.digest()], work)
     return VariantEpisodes(episodes, _seconds(run))
 
 
@@ -362,14 +362,15 @@ def _played_on_family(
     split = JOBS[study.seeds]
     identity = [*identity, family.digest()]
     if run is not None:
-        return _cached(runs, identity, partial(_play_agent_on_family, run, family, split, jobs))
+        work = partial(_play_agent_on_family, run, family, split, jobs)
+        return kept_episodes(runs, identity, work)
     rule = catalogue.RULES.get(variant.policy)
     identity.append(rule.version if rule else VERSION)
     # The causal oracle receives all true values.
     known_family = Truthful.of(family) if variant.policy == CAUSAL else family
     plays = FamilyPlay(known_family, split, variant.policy, forgets=False)
     work = partial(plays, family.job(0).scenario, jobs, lambda ended: None)
-    return _cached(runs, identity, work)
+    return kept_episodes(runs, identity, work)
 
 
 def _controller(variant: Variant, scenario: Scenario, home: Scenario) -> PolicySpec:
@@ -382,7 +383,7 @@ def _controller(variant: Variant, scenario: Scenario, home: Scenario) -> PolicyS
     return tuned.model_copy(update={"parameters": parameters, "make": make})
 
 
-def _cached(runs: Path, identity: list[Any], work: Callable[[], Episodes]) -> Episodes:
+def kept_episodes(runs: Path, identity: list[Any], work: Callable[[], Episodes]) -> Episodes:
     """Return the episodes kept under an identity, or do the work and keep it."""
     path = runs / "episodes" / f"{digest_of(identity)}.json"
     if not path.exists():
