@@ -4,10 +4,10 @@
     python -m train.iql --env RoughTurning-Family-v1 --set behaviour=mixture --seed 0
 
 A value function estimates an upper expectile of what the recorded actions earn, so that no other
-action is ever valued. The actor imitates recorded actions, weighted by their advantage. Settings
-are those of the paper for locomotion (Kostrikov et al. 2021, arXiv 2110.06169), but for the
-discount, which is PPO's on this task, and the actor's learning rate, which is constant. The base of
-all offline algorithms is ``train/offline.py``.
+action is ever valued. The actor imitates recorded actions, weighted by their advantage. Expectile,
+temperature and tau are those of the paper for locomotion (Kostrikov et al. 2021, arXiv 2110.06169);
+the discount is PPO's on this task. The base of all offline algorithms, ``train/offline.py``, has
+the other settings: smaller networks and fewer updates than in the paper.
 """
 
 import sys

@@ -3,9 +3,10 @@
     python -m train.datasets --policy mixture
     python -m train.td3_bc --env RoughTurning-Family-v1 --set behaviour=mixture --seed 0
 
-TD3, whose actor also stays close to the recorded actions. Settings are those of the paper (Fujimoto
-and Gu 2021, arXiv 2106.06860), but for the discount, which is PPO's on this task. The base of all
-offline algorithms is ``train/offline.py``.
+TD3, whose actor also stays close to the recorded actions. Alpha, tau, delay and noise are those of
+the paper (Fujimoto and Gu 2021, arXiv 2106.06860); the discount is PPO's on this task. The base of
+all offline algorithms, ``train/offline.py``, has the other settings: smaller networks and fewer
+updates than in the paper.
 """
 
 import sys
