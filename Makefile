@@ -50,6 +50,9 @@ FEATURES = import sys; from numpy._core._multiarray_umath import __cpu_dispatch_
 	print(*(name for name in names if sys.argv[1] == "all" or "AVX512" in name or name == "X86_V4"))
 TESTS ?= -m "not slow"
 
+# Else each process compiles the sources of its libraries again.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: help setup leaderboard agents seeds results verify check lint types fast test mutants system control processors soak wheel clients constraints format site clean
 
 # The targets, each with the first sentence of its comment.
@@ -203,14 +206,13 @@ clean:
 	$(UV) --no-deps --no-build-isolation -e . -e shop
 	touch $@
 
-# Bytecode, compiled code and mypy's cache are part of the set-up, so that the first `make check` is as quick as the next. pytest compiles the tests
-# itself, for it rewrites their assertions.
+# Machine code, bytecode and mypy's cache are part of the set-up, so that the first `make check` is as quick as the next: pytest imports all that it
+# collects.
 .venv/test: .venv/run
 	@echo "adding what tests need, and compiling: 101 s on two cores of an Intel Xeon (Emerald Rapids, 2.3 GHz), once"
 	$(call install,$(TEST_EXTRAS))
-	.venv/bin/python -m compileall -q -j 2 .venv/lib > .venv/bytecode.txt 2>&1 || true
-	(.venv/bin/mypy > .venv/types.txt || true) & .venv/bin/python -m shop.tests.compile && touch .venv/compiled \
-		&& { .venv/bin/pytest --collect-only > .venv/tests.txt 2>&1 || true; } && wait
+	(.venv/bin/mypy > .venv/types.txt || true) & { .venv/bin/pytest --collect-only > .venv/tests.txt 2>&1 || true; } \
+		&& .venv/bin/python -m shop.tests.compile && touch .venv/compiled && wait
 	touch $@
 
 # Machine code of what the tests play, which a change of any source may change.
