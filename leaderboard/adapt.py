@@ -13,7 +13,9 @@ from gymnasium.spaces import Box, Space
 from numpy.typing import NDArray
 
 from baselines.policy_spec import PolicySpec
+from leaderboard.agents.agent_file import Metadata
 from leaderboard.agents.sandbox import LIMITS, AgentFileError, ProcessLimits, load
+from leaderboard.inputs import Inputs
 from leaderboard.sb3_observations import ADVICE, normalisation
 from leaderboard.torch_module import ModulePolicy, is_module
 from turning_env.policy import Actions, Observations, Policy, PolicyFactory
@@ -245,7 +247,7 @@ def _onnx(path: Path, limits: ProcessLimits) -> PolicyFactory:
             "is a folder: give an ONNX file, such as python -m train.export writes of a training"
         )
     try:
-        return load(path, limits)
+        maker = load(path, limits)
     except FileNotFoundError as error:
         if not path.suffix:
             raise ValueError("no such file: give an ONNX file, or module:object") from error
@@ -256,3 +258,20 @@ def _onnx(path: Path, limits: ProcessLimits) -> PolicyFactory:
                 f"{error}: give the loaded model, or a file by python -m train.export in a clone"
             ) from error
         raise
+    _check_plays_alone(path, maker.properties)
+    return maker
+
+
+def _check_plays_alone(path: Path, properties: dict[str, str]) -> None:
+    """Raise AgentFileError if a file states that wrappers belong around its network."""
+    try:
+        metadata = Metadata.of(properties)
+    except ValueError:
+        return  # a file that ``train.export`` has not written states nothing
+    inputs = Inputs.of(metadata.parameters)
+    stated = [name for name in ("belief", "derived", "load_target") if getattr(inputs, name)]
+    if stated:
+        raise AgentFileError(
+            f"{path}: states {' and '.join(stated)}, which score does not put around a network: "
+            "python -m leaderboard run --agents does"
+        )

@@ -23,6 +23,7 @@ ERROR = b"E"  # why there is no answer
 MEASURES = b"M"  # how the process is confined
 
 MAX_REQUEST = 2**31  # largest message of a parent [bytes]
+MAX_METADATA = 1_000_000  # largest number of characters of a file's metadata
 MAX_ERROR = 2_000  # largest text of an error [bytes]
 MAX_ACTIONS = 16  # numbers of an action; no task has more
 ANY = -1  # number of entries where a network takes any

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import onnx
 
-from leaderboard.agents.messages import Outline
+from leaderboard.agents.messages import MAX_METADATA, Outline
 from leaderboard.agents.onnx_session import (
     EXPORT,
     Floats,
@@ -27,8 +27,6 @@ MAX_ENTRIES = 1_000_000
 """Largest size of any intermediate value, per environment."""
 MAX_MEMORY = 65_536
 """Largest size of the memory, per environment."""
-MAX_METADATA = 1_000_000
-"""Largest number of characters of the metadata."""
 OPSETS = range(13, 27)
 """Versions of ONNX's operators that the pinned ONNX Runtime runs, and that the tests try."""
 _OPERATORS = """

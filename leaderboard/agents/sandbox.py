@@ -18,7 +18,8 @@ import os
 import signal
 import subprocess
 import sys
-from dataclasses import dataclass
+from contextlib import closing
+from dataclasses import dataclass, field
 from errno import ENOENT
 from functools import cache
 from importlib.util import find_spec
@@ -300,6 +301,8 @@ class PolicyMaker:
     content: bytes
     limits: ProcessLimits
     strict: bool = False
+    properties: dict[str, str] = field(default_factory=dict)
+    """Metadata of the file, which anybody may have written."""
 
     def __call__(self, num_envs: int) -> GuardedPolicy:
         return GuardedPolicy(Sandbox(self.content, self.limits, strict=self.strict), num_envs)
@@ -325,10 +328,11 @@ def load(path: Path, limits: ProcessLimits = LIMITS) -> PolicyMaker:
     except OSError as error:
         raise AgentFileError(f"{path}: {error.strerror}") from error
     try:
-        Sandbox(content, limits).close()
+        with closing(Sandbox(content, limits)) as opened:
+            properties = opened.outline.properties
     except AgentFileError as error:
         raise type(error)(f"{path}: {error}") from error
-    return PolicyMaker(content, limits)
+    return PolicyMaker(content, limits, properties=properties)
 
 
 def require(*packages: str) -> None:

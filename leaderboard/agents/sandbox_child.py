@@ -17,6 +17,7 @@ from leaderboard.agents.messages import (
     ANSWER,
     ANY,
     ERROR,
+    MAX_METADATA,
     MAX_REQUEST,
     MEASURES,
     RESET,
@@ -62,8 +63,10 @@ class PlainNetwork:
                 raise ValueError(f"keeps its weights in another file, but {_ALL_INSIDE}") from error
             raise
         onnx_session.check_inputs(self._session)
+        properties = self._session.get_modelmeta().custom_metadata_map
         return Outline(
-            properties={},
+            # Other libraries may write anything there.
+            properties=properties if _is_short(properties) else {},
             inputs={node.name: _entries(node.shape) for node in self._session.get_inputs()},
             outputs={node.name: _entries(node.shape) for node in self._session.get_outputs()},
         )
@@ -75,6 +78,10 @@ class PlainNetwork:
     def act(self, policy: OnnxPolicy, observations: Floats, call: int) -> Floats:
         """Return the actions as they are, which are checked by the parent."""
         return policy.act(observations)
+
+
+def _is_short(properties: dict[str, str]) -> bool:
+    return sum(len(key) + len(value) for key, value in properties.items()) <= MAX_METADATA
 
 
 def _entries(shape: Any) -> int:

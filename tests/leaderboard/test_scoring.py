@@ -354,6 +354,12 @@ class NeedsSize:
         pytest.param(NeedsSize, TypeError, "object of NeedsSize.*num_envs", id="a class"),
         pytest.param(3, TypeError, "int", id="a number"),
         pytest.param("missing.onnx", FileNotFoundError, "missing.onnx", id="a missing file"),
+        pytest.param(
+            ROOT / "agents" / FAMILY_ID / "shop" / "ppo_load_target-seed0.onnx",
+            ValueError,
+            "derived and load_target, .* leaderboard run --agents",
+            id="a file with wrappers",
+        ),
         pytest.param(ROOT, ValueError, r"folder: .*train\.export", id="a folder"),
         pytest.param(Regression(), TypeError, "Regression is no policy", id="no model of SB3"),
         pytest.param(str(ROOT / "README.md"), ValueError, "README.md", id="no network"),
