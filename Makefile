@@ -38,7 +38,7 @@ install = .venv/bin/python tools/requirements.py $(1) | $(INSTALL) -r -
 CARDS ?= $(wildcard agents/*/*/*.md)
 SEEDS ?= 0-9
 # The commit that holds the agents of all training seeds.
-ALL_SEEDS ?= 6ce19ee85752a879bc9b42e13cdd60b566996fde
+ALL_SEEDS ?= c9f5181152a654923538df1080ee329eec4ee721
 
 # Processors that `make processors` imitates: kernels of OpenBLAS; the C library and compiled code without newer instructions; NumPy without AVX-512,
 # then without any optional instructions.
