@@ -100,13 +100,18 @@ def described(text: str | None) -> dict[str, Any]:
 def number_within(low: float, high: float, unit: str) -> Callable[[str], float]:
     """Return an argparse type for a number within a range [unit], ends included.
 
-    The type raises argparse.ArgumentTypeError for a number outside.
+    The type raises argparse.ArgumentTypeError for a number outside, and for text that is no number.
     """
+    allowed = f"{low:g} to {high:g} {unit}".rstrip(" -")
 
     def number(text: str) -> float:
-        value = float(text)
+        try:
+            value = float(text)
+        except ValueError as error:
+            raise argparse.ArgumentTypeError(
+                f"{text!r} is no number: give {allowed}, without a unit; decimals have a point"
+            ) from error
         if not low <= value <= high:
-            allowed = f"{low:g} to {high:g} {unit}".rstrip(" -")
             raise argparse.ArgumentTypeError(f"{text} is outside the allowed range {allowed}")
         return value
 

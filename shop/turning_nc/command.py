@@ -9,10 +9,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 from turning_nc.dialects import DIALECTS
-from turning_shop.options import number_within
 from turning_shop.units import add_units
 
-from turning_env.console import picture_path
+from turning_env.console import (
+    number_within,
+    picture_path,
+)
 
 
 def program(options: argparse.Namespace) -> int:

@@ -17,10 +17,15 @@ from turning_shop import WorkshopError, refuse_existing, tables, tool_command, w
 from turning_shop.catalogue.hardness import brinell, ratio
 from turning_shop.headers import COLUMNS, EDGE, is_unit_of, named_column, units_of
 from turning_shop.measurements import Measurements, read_measurements
-from turning_shop.options import number_within
 from turning_shop.units import SYSTEMS, Units, add_units
 
-from turning_env.console import DONE, FAILED, picture_path, print_json
+from turning_env.console import (
+    DONE,
+    FAILED,
+    number_within,
+    picture_path,
+    print_json,
+)
 from turning_env.files import replace_file, write_file
 from turning_env.scenario import Scenario
 
@@ -208,8 +213,8 @@ def _constants(text: str) -> dict[str, float]:
             raise argparse.ArgumentTypeError(f"{column} is no number")
         try:
             constants[column] = _number_or_zero(column, value)
-        except ValueError as error:
-            raise argparse.ArgumentTypeError(f"{column}: {value!r} is no number") from error
+        except argparse.ArgumentTypeError as error:
+            raise argparse.ArgumentTypeError(f"{column}: {error}") from error
     return constants
 
 

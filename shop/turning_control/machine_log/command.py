@@ -11,9 +11,12 @@ from typing import Any
 from turning_control.machine_log import cuts, mtconnect, opcua, record
 from turning_control.machine_log.linuxcnc import LinuxCncSource
 from turning_control.security_options import add_security, security_of
-from turning_shop.options import number_within
 
-from turning_env.console import DONE, UserError
+from turning_env.console import (
+    DONE,
+    UserError,
+    number_within,
+)
 
 MIN_INTERVAL = 0.01  # [s]
 # Options that only ``--cuts`` uses.
