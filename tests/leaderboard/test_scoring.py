@@ -599,6 +599,7 @@ class Numbered(gymnasium.ActionWrapper[Any, Any, Any]):
         (numbered_actions, r"actions Discrete\(2\)"),
     ],
 )
+@pytest.mark.slow
 def test_a_model_behind_a_wrapper_that_changes_actions_is_refused(
     make_env: Any, message: str
 ) -> None:

@@ -115,6 +115,7 @@ def test_it_agrees_with_the_vector_environment_of_stable_baselines3(
     assert truncated == kinds_of_end
 
 
+@pytest.mark.slow
 def test_evaluate_policy_reports_returns_whatever_the_scale_of_rewards() -> None:
     """Warnings, such as that there is no Monitor, count as errors."""
 

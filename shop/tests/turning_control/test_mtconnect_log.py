@@ -179,6 +179,7 @@ def test_an_agent_that_has_started_anew_is_a_gap(agent: Agent) -> None:
     assert math.isnan(samples[0].feed_rate)  # nothing is carried over the gap
 
 
+@pytest.mark.slow
 def test_a_record_is_continued_where_it_ends(agent: Agent, tmp_path: Path) -> None:
     path = tmp_path / "log.csv"
     with serving(agent) as url:

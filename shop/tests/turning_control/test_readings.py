@@ -60,6 +60,7 @@ def test_a_bad_reading_gives_the_safe_feed_and_harms_no_later_one(
     assert math.isfinite(loop.controller.observation.sum())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bad", BAD)
 @pytest.mark.parametrize("name", used(SCENARIOS["all"]))
 def test_a_bad_reading_in_a_closed_loop_never_frees_the_feed(name: str, bad: str) -> None:

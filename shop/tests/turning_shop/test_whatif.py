@@ -24,6 +24,8 @@ from tests.turning_env.playing import infos
 from turning_env import Scenario
 from turning_env.action import set_point_action
 
+pytestmark = pytest.mark.slow
+
 BASE = Scenario()
 UNLIMITED = {"power": 1e4, "thrust_force": 1e6}
 
@@ -212,7 +214,6 @@ def test_no_edge_of_the_map_cuts_off_a_tool_life(usual_map: Figure) -> None:
         assert within.contains(*area.max)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("preset", ["rough_turning", "forging", "override"])
 def test_callouts_cover_no_label_and_no_mark(preset: str) -> None:
     scenario = Scenario.load(preset)
@@ -288,7 +289,6 @@ def test_a_fresh_edge_has_cut_for_no_time() -> None:
     assert cuts.time == 0.0
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("preset", "ending", "start"),
     [

@@ -12,6 +12,8 @@ from research.studies.ladder import FACTORS, NONE, RUNGS, SPREADS, Rung, Truthfu
 from turning_env import Family
 from turning_env.scenario.family import DrawnJobs
 
+pytestmark = pytest.mark.slow
+
 SHOP = Family.load("shop")
 
 
@@ -88,7 +90,6 @@ def test_regrets_are_less_than_the_oracle_and_additions_more_than_without_any() 
     assert added == {"Uncertain": "depth", "`predictive`": "15 (15 to 15)"}
 
 
-@pytest.mark.slow
 def test_what_was_played_is_kept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["--rungs", "depth", "--policies", NOMINAL_SHARE, "--jobs", "2"]
     words += ["--runs", str(tmp_path)]
