@@ -64,8 +64,8 @@ help:
 # Install all that training, tuning, scoring and the papers need.
 setup: .venv/run
 
-# Train an agent, play it, and rank it with every policy that ships: their results need not be played again. Set-up included, it takes 73 s on two
-# cores of an Intel Xeon (Emerald Rapids, 2.3 GHz) with wheels at hand.
+# Train an agent, play it, and rank it with every policy that ships: their results need not be played again. Set-up included, it takes 50 s on two
+# cores of an AMD EPYC with wheels at hand.
 leaderboard: .venv/run
 	@echo "training an agent for a million steps and ranking it: about a minute"
 	run=$$($(TRAIN) --seed 0) && .venv/bin/python -m train.export $$run --out $(RUNS)/first/agents && $(RUN) --replace --agents $(RUNS)/first/agents/*.onnx
