@@ -131,8 +131,7 @@ types: .venv/test
 fast: .venv/test .venv/compiled
 	$(PYTEST) -m "not slow"
 
-# Lint, types and all tests. A slow test often waits for a process, so three workers keep two cores busy.
-test: WORKERS = 3
+# Lint, types and all tests.
 test: .venv/test
 	@$(MAKE) --no-print-directory --jobs 2 --output-sync=target lint types .venv/compiled
 	$(PYTEST)
