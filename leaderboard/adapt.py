@@ -268,10 +268,9 @@ def _check_plays_alone(path: Path, properties: dict[str, str]) -> None:
         metadata = Metadata.of(properties)
     except ValueError:
         return  # a file that ``train.export`` has not written states nothing
-    inputs = Inputs.of(metadata.parameters)
-    stated = [name for name in ("belief", "derived", "load_target") if getattr(inputs, name)]
-    if stated:
+    wrappers = Inputs.of(metadata.parameters).wrappers
+    if wrappers:
         raise AgentFileError(
-            f"{path}: states {' and '.join(stated)}, which score does not put around a network: "
+            f"{path}: states {' and '.join(wrappers)}, which score does not put around a network: "
             "python -m leaderboard run --agents does"
         )

@@ -127,6 +127,16 @@ class Inputs:
         return replace(self, training=counted)
 
     @property
+    def wrappers(self) -> tuple[str, ...]:
+        """Settings that belong around the agent's network in play, as it was trained with them."""
+        is_set = {
+            "belief": self.belief,
+            "derived": self.derived,
+            "load_target": self.load_target,
+        }
+        return tuple(name for name in is_set if is_set[name])
+
+    @property
     def run_time(self) -> tuple[str, ...]:
         """Inputs at run time, names in ``RUN_TIME_INPUTS``."""
         is_given = {

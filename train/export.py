@@ -73,8 +73,8 @@ SETTINGS = {
     "load_target": False,
     "training_information": ["rewards"],
 }
-"""What may be stated of a training elsewhere, with a value of the same type each: the terms of
-``train/terms.py`` that play provides, and what the training was given, names in
+"""Settings of a training elsewhere, with a value of the same type each: the terms of
+``train/terms.py`` that play provides, and the inputs of the training, names in
 ``leaderboard.inputs.TRAINING_INPUTS``."""
 _VERSIONS = ("rough-turning", "torch", "onnx", "onnxscript")
 

@@ -190,8 +190,7 @@ def informed(agent: PolicySpec, scenarios: Scenario | Sequence[Scenario]) -> Pol
         scenarios: the scenarios that it plays: one for all environments, or one each.
     """
     inputs = Inputs.of(agent.parameters)
-    knows_models = inputs.belief or inputs.derived or inputs.load_target
-    if not knows_models:
+    if not inputs.wrappers:
         return agent.make
 
     def make(num_envs: int) -> Policy:

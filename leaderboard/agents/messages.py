@@ -9,6 +9,7 @@ answered with ``ANSWER`` or ``ERROR``; ``RESET`` is not answered, so that it cos
 import socket
 import struct
 import time
+from collections.abc import Mapping
 from typing import NamedTuple
 
 # Kinds of messages of the parent.
@@ -39,6 +40,12 @@ class Outline(NamedTuple):
     properties: dict[str, str]
     inputs: dict[str, int]  # entries per environment of each input, or ANY
     outputs: dict[str, int]
+
+
+def is_short(properties: Mapping[str, str]) -> bool:
+    """Return whether a file's metadata have at most ``MAX_METADATA`` characters."""
+    characters = sum(len(key) + len(value) for key, value in properties.items())
+    return characters <= MAX_METADATA
 
 
 class Connection:

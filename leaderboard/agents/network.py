@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import onnx
 
-from leaderboard.agents.messages import MAX_METADATA, Outline
+from leaderboard.agents.messages import MAX_METADATA, Outline, is_short
 from leaderboard.agents.onnx_session import (
     EXPORT,
     Floats,
@@ -102,7 +102,7 @@ def read(content: bytes) -> tuple[onnx.ModelProto, Outline]:
     properties = {entry.key: entry.value for entry in model.metadata_props}
     if len(properties) != len(model.metadata_props):
         raise ValueError("metadata names something twice")
-    if sum(len(key) + len(value) for key, value in properties.items()) > MAX_METADATA:
+    if not is_short(properties):
         raise ValueError(f"metadata holds more than {MAX_METADATA} characters")
     inputs = {value.name: _entries(value) for value in model.graph.input}
     outputs = {value.name: _entries(value) for value in model.graph.output}

@@ -17,13 +17,13 @@ from leaderboard.agents.messages import (
     ANSWER,
     ANY,
     ERROR,
-    MAX_METADATA,
     MAX_REQUEST,
     MEASURES,
     RESET,
     SIZES,
     Connection,
     Outline,
+    is_short,
 )
 from leaderboard.agents.onnx_session import Floats, OnnxPolicy
 
@@ -66,7 +66,7 @@ class PlainNetwork:
         properties = self._session.get_modelmeta().custom_metadata_map
         return Outline(
             # Other libraries may write anything there.
-            properties=properties if _is_short(properties) else {},
+            properties=properties if is_short(properties) else {},
             inputs={node.name: _entries(node.shape) for node in self._session.get_inputs()},
             outputs={node.name: _entries(node.shape) for node in self._session.get_outputs()},
         )
@@ -78,10 +78,6 @@ class PlainNetwork:
     def act(self, policy: OnnxPolicy, observations: Floats, call: int) -> Floats:
         """Return the actions as they are, which are checked by the parent."""
         return policy.act(observations)
-
-
-def _is_short(properties: dict[str, str]) -> bool:
-    return sum(len(key) + len(value) for key, value in properties.items()) <= MAX_METADATA
 
 
 def _entries(shape: Any) -> int:
