@@ -37,7 +37,7 @@ ALGORITHMS = (
 CURVE_COLUMNS = ("steps", "wall_time", "mean_return")
 """Columns of a learning curve: environment steps; seconds of training without interruptions; mean
 return [s] of the last 100 episodes, in which the agent explores. An algorithm may add columns."""
-SHARES = ("gamma", "gae_lambda", "tau")
+SHARES = ("gamma", "gae_lambda", "tau", "change_lambda")
 """Hyperparameters that are shares, at most 1."""
 
 

@@ -19,7 +19,7 @@ from tests.train.small import Interruption, small_run
 from tests.train.test_dagger import FAMILY
 from tests.turning_env.test_family_env import BRIEF
 from train import export
-from train.run import Run
+from train.run import Run, overrides
 from train.simulator_gradient import (
     ALGORITHM,
     TaughtStep,
@@ -126,3 +126,9 @@ def test_earnings_ahead_are_those_of_later_steps_with_the_same_edge() -> None:
     np.testing.assert_array_equal(
         earnings_ahead(steps, change_lambda=0.0), [step.lesson.going_on for step in steps]
     )
+
+
+def test_a_weight_of_later_steps_above_1_is_refused() -> None:
+    assert overrides(ALGORITHM.name, ["change_lambda=1"]) == {"change_lambda": 1.0}
+    with pytest.raises(ValueError, match=r"change_lambda is 1\.5, but must be 0 to 1"):
+        overrides(ALGORITHM.name, ["change_lambda=1.5"])
