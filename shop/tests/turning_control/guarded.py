@@ -64,7 +64,7 @@ class Wave:
 
     low: float  # action [-1..1]
     high: float  # action [-1..1]
-    period: float | NDArray[np.float64]  # [steps], also one for each environment
+    period: float  # [steps]
     share: float  # share of the period in which the action is the high one [-]
 
     def level(self, step: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -72,7 +72,7 @@ class Wave:
         return np.where(step / self.period % 1.0 < self.share, self.high, self.low)
 
 
-def switching(period: float | NDArray[np.float64]) -> Wave:
+def switching(period: float) -> Wave:
     """Return the wave that switches from -1 to 1 and back; each lasts for ``period`` steps."""
     return Wave(low=-1.0, high=1.0, period=2.0 * period, share=0.5)
 

@@ -167,13 +167,13 @@ def test_random_actions_break_edges_without_the_shield_only() -> None:
 
 
 @pytest.mark.slow
-def test_adversaries_stay_within_the_limits_and_break_no_edge() -> None:
+@pytest.mark.parametrize("period", [10, 50])
+def test_adversaries_stay_within_the_limits_and_break_no_edge(period: int) -> None:
     scenario = quickly_worn(1.4)
     seeds = tuning_seeds(8)[4:]
-    # An adversary for each seed and period, all in one batch.
-    wave = switching(np.repeat([10.0, 50.0], len(seeds)))
-    adversary = Adversary(scenario, 2 * len(seeds), speed=wave, feed=wave)
-    played = play_guarded(scenario, adversary, [*seeds, *seeds])
+    wave = switching(period)
+    adversary = Adversary(scenario, len(seeds), speed=wave, feed=wave)
+    played = play_guarded(scenario, adversary, seeds)
     assert played.severe <= 0.001
     assert played.edges_broken == 0
 
